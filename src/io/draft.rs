@@ -24,13 +24,14 @@ use crate::skin::Draft;
 /// | `ply` | PLY, text or binary | ids, normals, areas, densities, presence |
 /// | `stl` | STL, text or binary: every solid is a sheet | positions of 32 bits |
 /// | `dae` | COLLADA: every use of a mesh in the scene is a sheet | positions |
+/// | `3mf` | 3MF: every object that its build uses is a sheet | positions |
 /// | `urdf` | a robot: every shape of a link, or its tactile sensors ([`read_robot`](crate::io::read_robot)) | links, ids of taxels |
 /// | `xml`, `mjcf` | the same of `MuJoCo`, whose root is `<mujoco>`; or a URDF | links |
 /// | `csv` | taxels, and if there triangles (`skin.triangles.csv`) | all but the frames of links |
 /// | `txt` | positions of iCub taxels, without triangles | ids, normals, presence, modules |
 /// | `asf`, `lst`, `asc`, `csv` | recordings of Tekscan, novel and XSENSOR: their sensors as a flat sheet, without triangles | ids, areas |
 ///
-/// `ply`, `dae` and `urdf` need the feature `robots`. Every number of the draft is finite and every corner exists; nothing else has been judged.
+/// `ply`, `dae`, `3mf` and `urdf` need the feature `robots`. Every number of the draft is finite and every corner exists; nothing else has been judged.
 ///
 /// ```
 /// use dermatome::io::read_draft;

@@ -144,10 +144,21 @@ fn least_area(mesh: &TriMesh, adjacency: &Adjacency, walk: &[VertexId]) -> Optio
     // The mesh is on the left of the loop, so the hole is walked in reverse.
     let rim: Vec<VertexId> = walk.iter().rev().copied().collect();
     let n = rim.len();
-    let at = |i: usize| -> DVec3 { mesh.positions[rim[i]] };
     let is_free = |i: usize, j: usize| {
         j == i + 1 || (i == 0 && j == n - 1) || !adjacency.ring(rim[i]).contains(&rim[j])
     };
+    let at: Vec<DVec3> = rim.iter().map(|&v| mesh.positions[v]).collect();
+    let triangles = triangles_of_least_area(&at, is_free)?;
+    Some(triangles.into_iter().map(|t| t.map(|k| rim[k])).collect())
+}
+
+/// The triangles of least total area between the corners of a closed line, from edges that are free, by the numbers of their
+/// ends, the smaller first; `None` if there are none. Takes time with the cube of the number of corners.
+pub(crate) fn triangles_of_least_area(
+    at: &[DVec3],
+    is_free: impl Fn(usize, usize) -> bool,
+) -> Option<Vec<[usize; 3]>> {
+    let n = at.len();
     let mut cost = vec![f64::INFINITY; n * n];
     let mut apex = vec![usize::MAX; n * n];
     for i in 0..n - 1 {
@@ -160,7 +171,7 @@ fn least_area(mesh: &TriMesh, adjacency: &Adjacency, walk: &[VertexId]) -> Optio
                 continue;
             }
             for k in i + 1..j {
-                let area = 0.5 * triangle_cross([at(i), at(k), at(j)]).length();
+                let area = 0.5 * triangle_cross([at[i], at[k], at[j]]).length();
                 let total = cost[i * n + k] + cost[k * n + j] + area;
                 if total < cost[i * n + j] {
                     (cost[i * n + j], apex[i * n + j]) = (total, k);
@@ -176,7 +187,7 @@ fn least_area(mesh: &TriMesh, adjacency: &Adjacency, walk: &[VertexId]) -> Optio
     while let Some((i, j)) = spans.pop() {
         if j > i + 1 {
             let k = apex[i * n + j];
-            triangles.push([rim[i], rim[k], rim[j]]);
+            triangles.push([i, k, j]);
             spans.extend([(i, k), (k, j)]);
         }
     }

@@ -108,3 +108,17 @@ pub(crate) fn rotation_defect(matrix: &DMat3) -> f64 {
     let size = |x: f64| if x.is_nan() { f64::INFINITY } else { x.abs() };
     defect.to_cols_array().into_iter().map(size).fold(0.0, f64::max)
 }
+/// The parts of a triangle that is cut in the middle of some of its sides: corners 0 to 2, and 3 to 5 in the middle of the
+/// sides that begin there.
+pub(crate) fn parts(is_cut: [bool; 3]) -> Vec<[usize; 3]> {
+    let turned = |by: usize, part: [usize; 3]| part.map(|k| k / 3 * 3 + (k % 3 + by) % 3);
+    let first = |cut: bool| (0..3).find(|&k| is_cut[k] == cut).unwrap_or(0);
+    match is_cut.iter().filter(|cut| **cut).count() {
+        0 => vec![[0, 1, 2]],
+        // Side 0 is cut.
+        1 => [[0, 3, 2], [3, 1, 2]].map(|part| turned(first(true), part)).to_vec(),
+        // All but side 2 are.
+        2 => [[3, 1, 4], [0, 3, 4], [0, 4, 2]].map(|part| turned(first(false) + 1, part)).to_vec(),
+        _ => vec![[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]],
+    }
+}

@@ -28,11 +28,11 @@ pub(crate) use error::{FARTHEST, is_within_reach, too_many};
 pub use fill_holes::FillHoles;
 #[cfg(feature = "robots")]
 pub(crate) use fill_holes::fill_shorter;
-pub(crate) use fill_holes::{fill_holes, fillings};
+pub(crate) use fill_holes::{fill_holes, fillings, triangles_of_least_area};
 pub use geometry::is_rigid;
 pub use geometry::mean_edge_length;
 pub(crate) use geometry::{
-    angle, cotangent, is_rotation, loop_length, rectangle_around, rotation_defect, surface_normals,
+    angle, cotangent, is_rotation, loop_length, parts, rectangle_around, rotation_defect, surface_normals,
 };
 pub use tri_mesh::{SurfacePoint, TriMesh};
 pub(crate) use triangle_map::{

@@ -20,6 +20,7 @@
 
 mod clip;
 mod crumbs;
+mod divide;
 mod faces;
 mod joints;
 mod lost;
@@ -27,6 +28,8 @@ mod moves;
 mod necks;
 mod outer;
 mod rounds;
+mod seen;
+mod sight;
 mod surface;
 mod thin;
 mod tunnels;
@@ -51,7 +54,7 @@ use crate::skin::{Patch, Skin, TaxelId};
 
 pub use clip::clip;
 pub use crumbs::drop_crumbs;
-pub use outer::keep_outer;
+pub use outer::{LeftOut, keep_outer};
 
 /// Edges between faces that turn by more are sharp: the cosine of 40 degrees.
 const SHARP: f64 = 0.766_044_443_118_978;

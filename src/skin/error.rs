@@ -30,11 +30,6 @@ pub enum SkinError {
     #[error("patch {patch:?}: {} the same corners as an earlier face: {}", count(faces.len(), "face has", "faces have"), first_few(faces))]
     DuplicateFaces { patch: String, faces: Vec<FaceId> },
     #[error(
-        "patch {patch:?}: repair stopped after {rounds} rounds of dropping faces, and {} more than two faces still, \
-         the first joins vertices {} and {}", count(edges.len(), "edge has", "edges have"), ends(edges)[0], ends(edges)[1]
-    )]
-    RepairGaveUp { patch: String, rounds: usize, edges: Vec<[VertexId; 2]> },
-    #[error(
         "patch {patch:?} cannot be wound consistently: the closed strip of the faces {} contradicts itself at the edge \
          between vertices {} and {}", first_few(faces), edge[0], edge[1]
     )]
@@ -44,6 +39,11 @@ pub enum SkinError {
         /// The faces of the shortest strip through it that reverses its winding once around, in order.
         faces: Vec<FaceId>,
     },
+    #[error(
+        "patch {patch:?}: {faces} of its {of} faces, most of its area, are 100,000 times as long as wide or more: no map has room \
+         for them"
+    )]
+    Needles { patch: String, faces: usize, of: usize },
     #[error("patch {patch:?}: its count of faces that fill holes is {found}, but it has {faces} faces")]
     Filled { patch: String, found: usize, faces: usize },
     #[error("two patches are named {patch:?}; names must differ")]

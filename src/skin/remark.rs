@@ -54,11 +54,11 @@ remark_kinds! {
     DuplicatesDropped { faces: Vec<FaceId> } =>
         "{} dropped, with the same corners as an earlier one: {}",
         count(faces.len(), "face was", "faces were"), first_few(faces);
-    ExtraFacesDropped { faces: Vec<FaceId> } =>
-        "{} dropped at edges shared by more than two faces, where the sheets cannot be separated: {}",
-        count(faces.len(), "face was", "faces were"), first_few(faces);
     EdgesParted { edges: Vec<[VertexId; 2]> } =>
         "{} had more than two faces; those of one solid, or else the two that continue each other most smoothly, are still joined: {}",
+        count(edges.len(), "edge", "edges"), edge_list(edges);
+    EdgesDivided { edges: Vec<[VertexId; 2]> } =>
+        "{} got a taxel in the middle, since sheets that part there are connected around both ends: {}",
         count(edges.len(), "edge", "edges"), edge_list(edges);
     OneSidedCut { edges: Vec<[VertexId; 2]> } =>
         "cut open along {}, since it would be one-sided: {}",

@@ -400,7 +400,8 @@ fn bad_descriptions_are_refused_with_their_line() {
         (String::new(), &["no <link>"]),
         ("<link/>".into(), &["an attribute name"]),
         ("<link name='${side}_arm'/>".into(), &["a macro of xacro", "xacrodoc"]),
-        ("<x:macro xmlns:x='http://ros.org/wiki/xacro'/>".into(), &["a macro of xacro"]),
+        ("<x:include xmlns:x='http://ros.org/wiki/xacro'/>".into(), &["a macro of xacro"]),
+        ("<x:arm xmlns:x='http://ros.org/wiki/xacro'/>".into(), &["a macro of xacro"]),
         ("<link".into(), &["line"]),
     ];
     for (elements, said) in cases {
@@ -604,7 +605,7 @@ fn the_outside_is_meshed_anew() {
          <visual><origin xyz='0 0 0.5'/><geometry><sphere radius='0.001'/></geometry></visual></link>",
     );
     let words = "info r.urdf --outer --spacing 1cm --json";
-    let run = notes(folder.path(), words, &["inside the body, left out", "`a.3`", "10 mm apart"]);
+    let run = notes(folder.path(), words, &["not seen from outside, and left out", "`a.3`", "10 mm apart"]);
     let info = json(&run.get_output().stdout);
     let patches = info["patches"].as_array().unwrap();
     assert_eq!(patches.len(), 1, "{patches:?}");
@@ -798,4 +799,41 @@ fn models_of_mujoco_are_robots() {
         let error = read_robot(&path).unwrap_err().to_string();
         assert!(error.contains(found), "{error}");
     }
+}
+
+/// Definitions of xacro that nothing uses are passed over with one note.
+#[test]
+fn definitions_that_nothing_uses_are_not_read() {
+    let definitions = "<x:property xmlns:x='http://ros.org/wiki/xacro' name='width' value='.2'/>\
+                       <x:macro xmlns:x='http://ros.org/wiki/xacro' name='m' params='p'><link name='${p}'/></x:macro>";
+    let folder = robot(&(definitions.to_owned() + &link("a", BALL)));
+    notes(folder.path(), "info r.urdf", &["2 definitions of xacro are not used"]);
+}
+
+/// A joint of a model follows another one as its equality says, from the pose of the file; what is not linear is noted.
+#[test]
+fn coupled_joints_of_mujoco_follow() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("hand.xml");
+    let body = |name: &str, joint: &str| {
+        format!("<body name='{name}'><joint name='{joint}' ref='{}'/><geom size='1'/></body>", 30)
+    };
+    let bodies: String =
+        [("a", "lead"), ("b", "half"), ("c", "square"), ("d", "off")].map(|(b, j)| body(b, j)).concat();
+    let equalities = "<joint joint1='half' joint2='lead' polycoef='0.1 0.5 0 0 0'/>\
+                      <joint joint1='square' joint2='lead' polycoef='0 0 1 0 0'/>\
+                      <joint joint1='off' joint2='lead' active='false'/><joint joint1='lead' joint2='half'/>";
+    let text = format!("<mujoco><worldbody>{bodies}</worldbody><equality>{equalities}</equality></mujoco>");
+    fs::write(&path, &text).unwrap();
+    let robot = read_robot(&path).unwrap();
+    let values = robot.joint_values(&[(0, 1.0)]);
+    let rest = 30.0_f64.to_radians();
+    assert!((values[1] - (rest + 0.1 + 0.5 * (1.0 - rest))).abs() < 1e-12, "{values:?}");
+    assert_eq!(values[2..], [0.0, 0.0]);
+    let said: Vec<String> = robot.remarks.iter().map(ToString::to_string).collect();
+    assert_eq!(said.len(), 2, "{said:?}");
+    assert!(said[0].contains("square is not followed: it is not linear"), "{said:?}");
+    assert!(said[1].contains("lead is not followed: it would follow itself"), "{said:?}");
+    fs::write(&path, text.replace("joint2='half'", "joint2='none'")).unwrap();
+    assert!(read_robot(&path).unwrap_err().to_string().contains("joint2 of no joint"));
 }

@@ -10,7 +10,7 @@ use dermatome::id::{IdVec, VertexId};
 use dermatome::io::{
     IoError, ReadParts, draft_from_bytes, read_draft, replace_file, skin_to_bytes, write_flat, write_skin,
 };
-use dermatome::mesh::shapes;
+use dermatome::mesh::{TriMesh, shapes};
 use dermatome::skin::{
     AssembleOptions, Covariance, Draft, Link, LinkId, Patch, PatchId, Presence, Sheet, Skin, TaxelId,
     assemble, world_pose,
@@ -410,7 +410,21 @@ fn what_is_not_read_stops_nothing() {
     );
     let gltf = String::from_utf8(skin_to_bytes(Path::new("skin.gltf"), &plain_skin()).unwrap()).unwrap();
     let copies = gltf.replacen('{', "{\"extensionsUsed\":[\"EXT_mesh_gpu_instancing\"],", 1);
-    let cases: [(&str, Vec<u8>, usize, usize); 10] = [
+    let ply = |normals: &str, row: &str| {
+        format!(
+            "ply\nformat ascii 1.0\ncomment Gr\u{f6}\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+             property float quality\n{normals}element face 1\nproperty list uchar int vertex_indices\nend_header\n\
+             0 0 0 {row}\n1 0 0 {row}\n0 1 0 -inf {}\n3 0 1 2\n",
+            row.split_once(' ').map_or("", |(_, rest)| rest)
+        )
+    };
+    let latin = |text: String| text.chars().map(|c| u8::try_from(c).unwrap()).collect::<Vec<u8>>();
+    let normals = "property float nx\nproperty float ny\nproperty float nz\n";
+    let cases: [(&str, Vec<u8>, usize, usize); 14] = [
+        ("ply", latin(ply("", "nan")), 1, 0),
+        ("ply", latin(ply(normals, "1 nan 0 NaN")), 1, 1),
+        ("obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nvn nan nan nan\nf 1//1 2//1 3//1\n".into(), 1, 1),
+        ("obj", b"# Gr\xf6\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n".into(), 1, 0),
         ("gltf", copies.into(), 12, 1),
         ("obj", b"v 0 0 0 nan 0 1\nv 1 0 0 0.1 0.2 0.3\nv 0 1 0 1 0 0\nf 1 2 3\n".into(), 1, 0),
         ("obj", b"v 0 0 0 0.1 0.5 0.2 0.9\nv 1 0 0 1 1 1 1\nv 0 1 0\nf 1 2 3\n".into(), 1, 0),
@@ -881,4 +895,69 @@ fn tables_of_taxels_take_what_others_write() {
     }
     let comma = read_text("csv", "id;x;y;z\n1;0,5;0;0\n").unwrap_err().to_string();
     assert!(comma.contains("column `x`: found \"0,5\"; needed: a number with a decimal point"), "{comma}");
+}
+
+/// A 3MF file is a zip archive of XML: objects in a unit, used with transforms, also from other parts and in each other.
+#[test]
+fn models_of_3mf_are_read() {
+    let mesh = "<mesh><vertices><vertex x='0' y='0' z='0'/><vertex x='1' y='0' z='0'/><vertex x='0' y='1' z='0'/>\
+                <vertex x='0' y='0' z='1'/></vertices><triangles><triangle v1='0' v2='2' v3='1'/>\
+                <triangle v1='0' v2='1' v3='3'/><triangle v1='1' v2='2' v3='3'/><triangle v1='2' v2='0' v3='3'/>\
+                </triangles></mesh>";
+    let model = |unit: &str, inner: &str| {
+        format!(
+            "<model unit='{unit}' xmlns:p='http://schemas.microsoft.com/3dmanufacturing/production/2015/06'>{inner}</model>"
+        )
+    };
+    let main = |objects: &str, items: &str| {
+        model("centimeter", &format!("<resources>{objects}</resources><build>{items}</build>"))
+    };
+    let archive = |main: &str| {
+        let mut zip = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
+        let other = format!("<resources><object id='1' name='tip'>{mesh}</object></resources>");
+        for (name, text) in
+            [("3D/Objects/o.model", model("centimeter", &other)), ("3D/3dmodel.model", main.to_owned())]
+        {
+            zip.start_file(name, zip::write::SimpleFileOptions::default()).unwrap();
+            std::io::Write::write_all(&mut zip, text.as_bytes()).unwrap();
+        }
+        zip.finish().unwrap().into_inner()
+    };
+    let mirrored =
+        "<component objectid='1' p:path='/3D/Objects/o.model' transform='-1 0 0 0 1 0 0 0 1 0 0 0'/>";
+    let objects = format!(
+        "<object id='2'><components>{mirrored}</components></object><object id='3' type='support'>{mesh}</object>"
+    );
+    let items = "<item objectid='2' transform='1 0 0 0 1 0 0 0 1 0 0 7'/><item objectid='3'/>";
+    let draft = read_bytes("3mf", &archive(&main(&objects, items))).unwrap();
+    let [sheet] = &draft.sheets[..] else { panic!("{:?}", draft.sheets) };
+    assert_eq!((&*sheet.name, sheet.triangles.len()), ("tip", 4));
+    assert!((sheet.positions[1] - glam::DVec3::new(-0.01, 0.0, 0.07)).length() < 1e-15);
+    let solid = TriMesh::from_arrays(sheet.positions.clone(), &sheet.triangles);
+    let volume: f64 = solid
+        .triangles
+        .ids()
+        .map(|f| {
+            let [a, b, c] = solid.corners(f);
+            a.cross(b).dot(c) / 6.0
+        })
+        .sum();
+    assert!((volume - 1e-6 / 6.0).abs() < 1e-15, "a mirror turns triangles over: {volume}");
+    for (text, said) in [
+        (main("", "<item objectid='9'/>"), "the id of an <object>"),
+        (main(&objects, "").replace("<build></build>", ""), "no part with a <build>"),
+        (main(&objects, items).replace("centimeter", "ell"), "micron"),
+        (main(&objects, items).replace("transform='1", "transform='"), "12 finite numbers"),
+        (
+            main(
+                "<object id='2'><components><component objectid='2'/></components></object>",
+                "<item objectid='2'/>",
+            ),
+            "use themselves",
+        ),
+    ] {
+        let refused = read_bytes("3mf", &archive(&text)).unwrap_err().to_string();
+        assert!(refused.contains(said), "{refused}");
+    }
+    assert!(read_bytes("3mf", b"PK").unwrap_err().to_string().contains("zip"));
 }

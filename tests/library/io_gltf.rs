@@ -1103,3 +1103,27 @@ fn khronos_validator_files_are_read_or_refused() {
     }
     assert!(wrong.is_empty(), "{} surprises:\n{}", wrong.len(), wrong.join("\n"));
 }
+
+/// The weights of a node come before those of its mesh: a morph target that has an effect is refused, one that has none is not.
+#[test]
+fn morph_targets_have_the_weights_of_the_node() {
+    let name = Path::new("skin.gltf");
+    let bytes = skin_to_bytes(name, &Skin::from_mesh("m", shapes::lattice(3, 3, 0.01))).unwrap();
+    let json: serde_json::Value = serde_json::from_slice(&bytes).unwrap();
+    for (of_mesh, of_node, is_read) in
+        [(0.0, None, true), (0.5, None, false), (0.0, Some(0.5), false), (0.5, Some(0.0), true)]
+    {
+        let mut morphed = json.clone();
+        let mesh = &mut morphed["meshes"][0];
+        let position = mesh["primitives"][0]["attributes"]["POSITION"].clone();
+        mesh["primitives"][0]["targets"] = json!([{ "POSITION": position }]);
+        mesh["weights"] = json!([of_mesh]);
+        let nodes = morphed["nodes"].as_array_mut().unwrap();
+        let node = nodes.iter_mut().find(|node| node.get("mesh").is_some()).unwrap();
+        if let Some(weight) = of_node {
+            node["weights"] = json!([weight]);
+        }
+        let draft = draft_from_bytes(name, serde_json::to_vec(&morphed).unwrap(), ReadParts::default());
+        assert_eq!(draft.is_ok(), is_read, "{of_mesh}, {of_node:?}: {draft:?}");
+    }
+}

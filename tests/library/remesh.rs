@@ -234,9 +234,8 @@ fn pin_holes_of_the_new_mesh_are_closed() {
 /// body nothing; which way the faces are wound does not matter.
 #[test]
 fn what_is_within_is_left_out() {
-    let [outer, inner, within] = [(0.1, 0.7), (0.09, 0.69), (0.03, 0.1)]
-        .map(|(r, l)| shapes::tube(32, 8, r, l))
-        .map(|mesh| sheet(&mesh));
+    let [outer, within] =
+        [(0.1, 0.7), (0.03, 0.1)].map(|(r, l)| shapes::tube(32, 8, r, l)).map(|mesh| sheet(&mesh));
     let count = |sheet: &Sheet| sheet.triangles.len();
     let ball = sheet(&shapes::ball(8, 1.0));
     let inverted = Sheet {
@@ -250,14 +249,14 @@ fn what_is_within_is_left_out() {
     for (sheets, kept) in [
         (vec![outer.clone()], vec![count(&outer)]),
         (vec![ball.clone(), inverted.clone()], vec![count(&inverted)]),
-        (vec![outer.clone(), inner.clone(), within.clone()], vec![count(&outer)]),
+        (vec![outer.clone(), within.clone()], vec![count(&outer)]),
         // A sheet that is refused later stays, and changes nothing for those after it.
         (vec![short.clone(), inverted.clone(), ball.clone()], vec![count(&short), count(&inverted)]),
         (vec![broken.clone(), ball.clone()], vec![count(&broken)]),
     ] {
         let all: usize = sheets.iter().map(count).sum();
         let mut draft = Draft { sheets, ..Draft::default() };
-        let dropped = keep_outer(&mut draft);
+        let dropped = keep_outer(&mut draft).faces;
         assert_eq!(draft.sheets.iter().map(count).collect::<Vec<_>>(), kept);
         assert_eq!(dropped + kept.iter().sum::<usize>(), all);
     }
@@ -295,4 +294,120 @@ fn new_taxels_follow_the_links_of_the_old_ones() {
         let off = found.iter().zip(weights(p)).map(|(x, y)| (x - y).abs()).fold(0.0, f64::max);
         assert!(off < 1e-2, "{v} at {p}: {found:?}, not {:?}", weights(p));
     }
+}
+
+/// The surface that a profile of radii and heights sweeps around z, each of its sides in four.
+fn swept(profile: &[[f64; 2]]) -> Sheet {
+    let around = 48_u32;
+    let fine: Vec<[f64; 2]> = profile
+        .windows(2)
+        .flat_map(|ends| {
+            (0..4).map(|k| [0, 1].map(|a| ends[0][a] + (ends[1][a] - ends[0][a]) * f64::from(k) / 4.0))
+        })
+        .chain(profile.last().copied())
+        .collect();
+    let at = |&[r, z]: &[f64; 2]| {
+        (0..around).map(move |k| {
+            let (sin, cos) = (std::f64::consts::TAU * f64::from(k) / f64::from(around)).sin_cos();
+            DVec3::new(r * cos, r * sin, z)
+        })
+    };
+    let cell = |row: u32, k: u32| {
+        let [a, b] = [k, (k + 1) % around].map(|k| row * around + k);
+        [[a, b, b + around], [a, b + around, a + around]]
+    };
+    let rows = u32::try_from(fine.len()).unwrap() - 1;
+    let triangles = (0..rows).flat_map(|row| (0..around).flat_map(move |k| cell(row, k))).collect();
+    Sheet { positions: fine.iter().flat_map(at).collect(), triangles, ..Sheet::default() }
+}
+
+fn area_where(sheet: &Sheet, holds: impl Fn(DVec3) -> bool) -> f64 {
+    let at = |v: u32| sheet.positions[v as usize];
+    let corners = sheet.triangles.iter().map(|t| t.map(at));
+    corners
+        .filter(|[a, b, c]| holds((a + b + c) / 3.0))
+        .map(|[a, b, c]| (b - a).cross(c - a).length() / 2.0)
+        .sum()
+}
+
+/// A bottle, a cup and a tube with rounded rims are one smooth surface each: their outside is kept, and of their inside what
+/// many directions see, at the mouth alone.
+#[test]
+fn vessels_keep_their_outside() {
+    let rim = |inner: f64, outer: f64, z: f64| {
+        let (middle, radius) = (0.5 * (inner + outer), 0.5 * (outer - inner));
+        (0..=8).map(move |k| {
+            let (sin, cos) = (std::f64::consts::PI * f64::from(k) / 8.0).sin_cos();
+            [middle + radius * cos, z + radius * sin]
+        })
+    };
+    let bottle =
+        [[0.001, 0.0], [0.026, 0.0], [0.03, 0.004], [0.03, 0.1], [0.025, 0.12], [0.015, 0.14], [0.01, 0.155]];
+    let within =
+        [[0.008, 0.154], [0.013, 0.139], [0.023, 0.119], [0.028, 0.1], [0.028, 0.005], [0.025, 0.002]];
+    let bottle: Vec<_> =
+        bottle.into_iter().chain(rim(0.008, 0.01, 0.17)).chain(within).chain([[0.001, 0.002]]).collect();
+    let cup = [[0.001, 0.0], [0.036, 0.0], [0.04, 0.004]].into_iter().chain(rim(0.037, 0.04, 0.1));
+    let cup: Vec<_> = cup.chain([[0.037, 0.006], [0.034, 0.003], [0.001, 0.003]]).collect();
+    let mut tube: Vec<_> =
+        rim(0.02, 0.022, 0.15).chain(rim(-0.022, -0.02, 0.05).map(|[r, z]| [-r, 0.1 - z])).collect();
+    tube.push(tube[0]);
+    for (name, profile, deep) in [("bottle", bottle, 0.15), ("cup", cup, 0.04), ("tube", tube, 0.115)] {
+        let sheet = swept(&profile);
+        // Below the rim the wall is 2 to 3 mm thick, and its outside is the larger radius at each height.
+        let reach = |p: DVec3| p.truncate().length();
+        let is_outside = |p: DVec3| {
+            let crossing = profile.windows(2).filter(|ends| (ends[0][1] - p.z) * (ends[1][1] - p.z) <= 0.0);
+            let radius = |ends: &[[f64; 2]]| {
+                let share = (p.z - ends[0][1]) / (ends[1][1] - ends[0][1]);
+                if share.is_finite() { ends[0][0] + share * (ends[1][0] - ends[0][0]) } else { ends[0][0] }
+            };
+            crossing.map(radius).all(|r| r < reach(p) + 1.5e-3) || p.z < 5e-4
+        };
+        let is_deep = |p: DVec3| !is_outside(p) && p.z < deep && (name != "tube" || p.z > 0.085);
+        let mut draft = Draft { sheets: vec![sheet.clone()], ..Draft::default() };
+        let left_out = keep_outer(&mut draft);
+        let [before, after] = [&sheet, &draft.sheets[0]].map(|sheet| area_where(sheet, is_outside));
+        assert!(after > 0.995 * before, "{name}: {after} of {before} m^2 of the outside");
+        let inside = area_where(&draft.sheets[0], is_deep);
+        assert!(inside < 0.01 * area_where(&sheet, is_deep), "{name}: {inside} m^2 deep inside are kept");
+        assert!(left_out.faces > 0 && left_out.notes()[0].contains("not seen from outside"), "{name}");
+    }
+}
+
+/// A post in a block, each of two triangles a side: what is in the other solid is left out, to 1/128 of the body.
+#[test]
+fn solids_that_pierce_each_other_lose_what_is_buried() {
+    let solid = |size: DVec3, at: DVec3| {
+        let mut sheet = sheet(&block());
+        sheet.positions.iter_mut().for_each(|p| *p = (*p / DVec3::new(0.2, 0.1, 0.05) - 0.5) * size + at);
+        sheet
+    };
+    for out in [0.005, 0.01, 0.03] {
+        let block = solid(DVec3::new(0.06, 0.06, 0.04), DVec3::ZERO);
+        let post = solid(DVec3::new(0.01, 0.01, 0.035), DVec3::Z * (0.02 + out - 0.0175));
+        let mut draft = Draft { sheets: vec![block, post], ..Draft::default() };
+        keep_outer(&mut draft);
+        let area: f64 = draft.sheets.iter().map(|sheet| area_where(sheet, |_| true)).sum();
+        let right = 2.0 * 0.06 * 0.06 + 4.0 * 0.06 * 0.04 + 4.0 * 0.01 * out;
+        assert!((area / right - 1.0).abs() < 0.01, "{area} m^2, right {right}, {} mm out", 1e3 * out);
+        let buried = area_where(&draft.sheets[1], |p| p.z < 0.0195);
+        assert!(buried < 0.005 * area, "{buried} m^2 are in the block");
+        let highest = draft.sheets[1].positions.iter().map(|p| p.z).fold(0.0, f64::max);
+        assert!((highest - 0.02 - out).abs() < 1e-12);
+    }
+}
+
+/// A strip of two triangles, 5000 times as long as wide, costs what its taxels cost.
+#[test]
+fn a_thin_strip_has_the_taxels_of_its_area() {
+    let (long, wide, spacing) = (100.0, 0.02, 0.008);
+    let corners = [[0.0, 0.0], [long, 0.0], [long, wide], [0.0, wide]];
+    let positions = corners.map(|[x, y]| DVec3::new(x, y, 0.0)).to_vec();
+    let made = remesh(&TriMesh::from_arrays(positions, &[[0, 1, 2], [0, 2, 3]]), spacing).unwrap();
+    let inner = long * wide / (0.75_f64.sqrt() * spacing * spacing);
+    let rims = long / spacing;
+    let count = made.positions.len() as f64;
+    assert!(count > 0.7 * (inner + rims) && count < 1.5 * (inner + rims), "{count} taxels");
+    assert!((made.area() / (long * wide) - 1.0).abs() < 0.01);
 }

@@ -247,8 +247,13 @@ await test('a region that is drawn names the taxels that the page counts', async
   for (let k = 0; k < 3; k++) await page.keyboard.press('Backspace');
   for (const [x, y] of [[0.6, 0.35], [0.6, 0.6], [0.3, 0.6], [0.3, 0.35]]) await click(x, y);
   assert.equal(await page.locator('#regions li').count(), 1);
+  // Every letter is one of the name, also those that are keys of the page.
+  await page.click('#regions input', { clickCount: 3 });
+  await page.keyboard.type('upper + f=?r-e E');
+  assert.equal(await page.inputValue('#regions input'), 'upper + f=?r-e E');
+  assert.equal(await page.evaluate(() => window.dermatome.view.unfold), 0);
   await page.fill('#regions input', 'wrist');
-  await page.keyboard.press('Escape');
+  await page.focus('#map');
   const count = +(await page.textContent('#regions small')).match(/(\d+) taxel/)[1];
   const [saved] = await Promise.all([page.waitForEvent('download'), page.click('#save-regions')]);
   const path = join(folder, 'regions.json');
@@ -262,6 +267,28 @@ await test('a region that is drawn names the taxels that the page counts', async
   await page.click('#regions button');
   assert.ok(await page.isHidden('#save-regions'));
   await close(page);
+});
+
+await test('an address with numbers between frames, levels and taxels opens', async () => {
+  for (const hash of ['#frame=0.5', '#level=0.5', '#taxel=0:0.5', '#frame=1e9&level=-3']) {
+    const page = await open(join(folder, 'recording.html'), {}, hash);
+    const [frame, level] = await page.evaluate(() => [window.dermatome.frame, window.dermatome.level]);
+    assert.ok(Number.isInteger(frame) && Number.isInteger(level), `${hash}: frame ${frame}, level ${level}`);
+    await close(page);
+  }
+});
+
+await test('a page of patches with few levels begins on one that all have', async () => {
+  const page = await open(maps.robot);
+  const [level, least] = await page.evaluate(() => [window.dermatome.level, Math.min(...window.dermatome.patches.map((p) => p.fields.length))]);
+  assert.equal(level, Math.min(2, least - 1));
+  await close(page);
+});
+
+await test('pictures on one page keep the colours of their scales', async () => {
+  const svg = (...words) => readFileSync((run('plot', join(folder, 'robot', 'map.glb'), '-o', join(folder, `${words.length}.svg`), ...words), join(folder, `${words.length}.svg`)), 'utf8');
+  const ids = [svg('--show', 'angle'), svg('--show', 'area', '--level', '0')].map((text) => text.match(/linearGradient id="([^"]+)"/)[1]);
+  assert.notEqual(ids[0], ids[1]);
 });
 
 await test('a recording plays, with its contacts', async () => {

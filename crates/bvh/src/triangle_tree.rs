@@ -211,6 +211,22 @@ impl TriangleTree {
         );
         best
     }
+
+    /// Whether a ray meets a triangle at all, as [`Self::first_hit`] finds one.
+    pub fn is_met(&self, ray: &Ray, corners: impl Fn(u32) -> [DVec3; 3]) -> bool {
+        let (near, start) = self.scaling.nearby(ray);
+        let local = self.scaling.ray(&near);
+        let mut is_met = false;
+        self.tree.walk(
+            local.longest,
+            |node| node.entries(&local),
+            |packet| {
+                is_met = is_met || distinct(packet).any(|at| hit(&near, start, at, corners(at)).is_some());
+                if is_met { f64::NEG_INFINITY } else { local.longest }
+            },
+        );
+        is_met
+    }
 }
 
 fn hit(ray: &Ray, start: f64, triangle: u32, corners: [DVec3; 3]) -> Option<RayHit> {

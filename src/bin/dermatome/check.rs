@@ -26,7 +26,7 @@ use crate::options::{Common, InPath, PatchArgs, ReadArgs};
 /// that nothing touched are untested. With --order recordings show which of their columns is of which taxel.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Skin or mesh: .glb, .gltf, .json, .obj, .off, .ply, .stl, .dae, .urdf, .xml, .npz, .csv or
+    /// Skin or mesh: .glb, .gltf, .json, .obj, .off, .ply, .stl, .dae, .3mf, .urdf, .xml, .npz, .csv or
     /// .txt
     file: InPath,
     /// Print all elements of every finding as JSON.

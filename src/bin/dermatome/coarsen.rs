@@ -20,7 +20,7 @@ use crate::options::{AcuityArgs, CoarsenArgs, Common, InPath, OutFile, PatchArgs
 /// Arguments of `coarsen`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The skin: .glb, .gltf, .json, .obj, .off, .ply, .stl, .dae, .urdf, .xml, .npz, .csv or
+    /// The skin: .glb, .gltf, .json, .obj, .off, .ply, .stl, .dae, .3mf, .urdf, .xml, .npz, .csv or
     /// .txt
     skin: InPath,
     /// File for the levels, as in a map file but without maps: .glb

@@ -19,7 +19,7 @@ use crate::{
 /// Arguments of `convert`; the extensions determine the formats.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The skin or mesh to read: .glb, .gltf, .json, .obj, .off, .ply, .stl, .dae, .urdf, .xml, .npz, .csv or
+    /// The skin or mesh to read: .glb, .gltf, .json, .obj, .off, .ply, .stl, .dae, .3mf, .urdf, .xml, .npz, .csv or
     /// .txt; or a recording of Tekscan, XSENSOR, emed or pliance, whose sensors are a flat skin
     #[arg(value_name = "IN")]
     input: InPath,

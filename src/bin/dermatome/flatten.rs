@@ -23,7 +23,7 @@ use crate::options::{AcuityArgs, Common, FlattenArgs, InPath, OutFile, PatchArgs
 /// Arguments of `flatten`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The mesh: .glb, .gltf, .json, .obj, .off, .ply, .stl, .dae, .urdf, .xml, .npz, .csv or
+    /// The mesh: .glb, .gltf, .json, .obj, .off, .ply, .stl, .dae, .3mf, .urdf, .xml, .npz, .csv or
     /// .txt, with one connected sheet
     mesh: InPath,
     /// Output file: .obj with texture coordinates, or .npz with V, F and UV in f64; where the mesh is

@@ -19,7 +19,7 @@ use crate::options::{Common, InPath, JointsArg, PatchArgs, ReadArgs, RobotArgs, 
 /// Arguments of `info`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Skin or mesh: .glb, .gltf, .json, .obj, .off, .ply, .stl, .dae, .urdf, .xml, .npz, .csv or
+    /// Skin or mesh: .glb, .gltf, .json, .obj, .off, .ply, .stl, .dae, .3mf, .urdf, .xml, .npz, .csv or
     /// .txt
     file: InPath,
     /// Values of the joints of a robot, in rad and m [default: 0], for the poses of its links in --json:

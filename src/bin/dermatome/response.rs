@@ -26,7 +26,7 @@ use crate::readings::{ReadingsArgs, remark_join};
 /// gains, and from 100 touches on their exponent.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The skin, or its map: .glb, .gltf, .json, .obj, .off, .ply, .stl, .dae, .urdf, .xml, .npz, .csv or
+    /// The skin, or its map: .glb, .gltf, .json, .obj, .off, .ply, .stl, .dae, .3mf, .urdf, .xml, .npz, .csv or
     /// .txt
     skin: InPath,
     /// Recordings of touches

@@ -16,7 +16,7 @@ use crate::options::{Choice, Common, InPath, OutFile, ReadArgs, length_mm, one_o
 /// Arguments of `touch`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The skin, or its map: .glb, .gltf, .json, .obj, .off, .ply, .stl, .dae, .urdf, .xml, .npz, .csv or
+    /// The skin, or its map: .glb, .gltf, .json, .obj, .off, .ply, .stl, .dae, .3mf, .urdf, .xml, .npz, .csv or
     /// .txt
     skin: InPath,
     /// File for the readings: .csv with a column for each taxel, or .npz

@@ -28,6 +28,8 @@ const SHEAR: f64 = 1e-4;
 #[derive(Debug)]
 pub(super) struct Placement {
     pub(super) mesh: usize,
+    /// Whether morph targets have a weight: that of the node, or else of the mesh.
+    pub(super) is_morphed: bool,
     pub(super) link: LinkId,
     pub(super) name: String,
     /// What the node's transform has besides the link's rigid frame: scale, or a mirror.
@@ -178,7 +180,9 @@ impl Nodes<'_> {
             };
             let Some(frame) = frame else { continue };
             let (link, stretch, skin) = (frame.link, frame.stretch, node.skin.map(|skin| skin.value()));
-            tree.placements.push(Placement { mesh, link, name, stretch, skin, is_free });
+            let weights = node.weights.as_ref().or(root.meshes[mesh].weights.as_ref());
+            let is_morphed = is_moved(weights);
+            tree.placements.push(Placement { mesh, is_morphed, link, name, stretch, skin, is_free });
         }
     }
 
@@ -201,8 +205,14 @@ fn place_library(document: &Document, tree: &mut NodeTree) {
         let frame = *origin.get_or_insert_with(|| NodeFrame::at_origin(tree, None));
         let name = json.name.clone().unwrap_or_else(|| format!("mesh {mesh}"));
         let link = frame.link;
-        tree.placements.push(Placement { mesh, link, name, stretch: None, skin: None, is_free: false });
+        let (is_morphed, stretch, skin, is_free) = (is_moved(json.weights.as_ref()), None, None, false);
+        tree.placements.push(Placement { mesh, is_morphed, link, name, stretch, skin, is_free });
     }
+}
+
+/// Whether a weight of morph targets is not 0.
+fn is_moved(weights: Option<&Vec<f32>>) -> bool {
+    weights.into_iter().flatten().any(|&weight| weight != 0.0)
 }
 
 /// A node's link, and what its transform has besides the link's rigid pose.

@@ -14,6 +14,7 @@ use crate::io::Feature;
 use crate::io::error::Result;
 use crate::io::gltf::accessor::Accessor;
 use crate::io::gltf::document::{DRACO, Document};
+use crate::io::gltf::nodes::Placement;
 
 /// Largest deviation of normals and tangents from unit length: the Khronos validator's, for 8 bits.
 const UNIT_NORMAL: f64 = 0.00674;
@@ -221,10 +222,10 @@ impl Attributes<'_> {
 }
 
 /// Refuses morph targets that have an effect: their shapes are not read.
-pub(super) fn check_morphs(document: &Document, index: usize, mesh: &Mesh) -> Result<()> {
+pub(super) fn check_morphs(document: &Document, placement: &Placement, mesh: &Mesh) -> Result<()> {
     let has_targets = mesh.primitives.iter().any(|p| p.targets.as_ref().is_some_and(|t| !t.is_empty()));
-    if has_targets && mesh.weights.iter().flatten().any(|&w| w != 0.0) {
-        return Err(document.unsupported(format!("mesh {index}"), "morph weights"));
+    if has_targets && placement.is_morphed {
+        return Err(document.unsupported(format!("mesh {}", placement.mesh), "morph weights"));
     }
     Ok(())
 }

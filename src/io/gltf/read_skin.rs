@@ -77,7 +77,7 @@ fn read_sheet(
     (shape, parts): (Shape, ReadParts),
 ) -> Result<Option<Sheet>> {
     let mesh = &document.root().meshes[placement.mesh];
-    check_morphs(document, placement.mesh, mesh)?;
+    check_morphs(document, placement, mesh)?;
     let mut sheet = Sheet { link: Some(placement.link), ..Sheet::default() };
     sheet.name = match LevelExtras::of(mesh) {
         Some(Ok(extras)) => extras.patch,

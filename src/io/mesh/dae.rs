@@ -8,7 +8,7 @@ use roxmltree::{Node, NodeId};
 use crate::io::error::Result;
 use crate::io::file::xml::{Xml, child, children, text_of};
 use crate::io::file::{Source, excerpt, finite};
-use crate::io::mesh::polygon::{POLYGON_NEEDED, cut_polygon};
+use crate::io::mesh::polygon::{POLYGON_NEEDED, Polygons};
 use crate::skin::{Draft, Remark, RemarkKind, Sheet};
 
 /// Nodes in nodes, and nodes that nodes use.
@@ -37,6 +37,7 @@ pub(crate) fn read(source: &Source) -> Result<Draft> {
         uses: 0,
         transforms: HashMap::new(),
         miscounted: None,
+        polygons: Polygons::default(),
     };
     let instance = child(root, "scene").and_then(|scene| child(scene, "instance_visual_scene"));
     let first = || child(child(root, "library_visual_scenes")?, "visual_scene");
@@ -50,7 +51,8 @@ pub(crate) fn read(source: &Source) -> Result<Draft> {
         }
     }
     let remark = |what| Remark { patch: source.stem(), kind: RemarkKind::PassedOver { what } };
-    let remarks = scene.miscounted.into_iter().map(remark).collect();
+    let warped = scene.polygons.remark(source.stem());
+    let remarks = scene.miscounted.into_iter().map(remark).chain(warped).collect();
     Ok(Draft { sheets: scene.sheets, remarks, ..Draft::default() })
 }
 
@@ -76,6 +78,7 @@ struct Scene<'a, 'i> {
     transforms: HashMap<NodeId, DAffine3>,
     /// The first element of polygons that has another number of them than it states, or corners left over.
     miscounted: Option<String>,
+    polygons: Polygons,
 }
 
 impl<'a, 'i> Scene<'a, 'i> {
@@ -143,7 +146,7 @@ impl<'a, 'i> Scene<'a, 'i> {
         // Splines and convex hulls are no meshes.
         let Some(mesh) = child(geometry, "mesh") else { return Ok(()) };
         let mut positions = None;
-        let mut triangles = Vec::new();
+        let (mut triangles, mut polygons) = (Vec::new(), std::mem::take(&mut self.polygons));
         for part in mesh.children().filter(Node::is_element) {
             let kind = part.tag_name().name();
             let Some(shape) = Primitive::named(kind) else { continue };
@@ -172,7 +175,8 @@ impl<'a, 'i> Scene<'a, 'i> {
                     let found = format!("polygon {k}, which crosses or touches itself");
                     self.xml.invalid(part, found, POLYGON_NEEDED)
                 };
-                shape.add_triangles(chain, &known, &mut triangles).ok_or_else(crossed)?;
+                let cut = shape.add_triangles(chain, &known, &mut triangles, &mut polygons);
+                cut.ok_or_else(crossed)?;
             }
             positions = Some(known);
             if self.triangles + triangles.len() > MOST_TRIANGLES {
@@ -180,6 +184,7 @@ impl<'a, 'i> Scene<'a, 'i> {
                 return Err(self.xml.invalid(part, "more triangles", needed));
             }
         }
+        self.polygons = polygons;
         let Some(mut positions) = positions else { return Ok(()) };
         self.triangles += triangles.len();
         for p in &mut positions {
@@ -327,11 +332,17 @@ impl Primitive {
     }
 
     /// `None` if a polygon crosses itself.
-    fn add_triangles(self, chain: &Chain, positions: &[DVec3], triangles: &mut Vec<[u32; 3]>) -> Option<()> {
+    fn add_triangles(
+        self,
+        chain: &Chain,
+        positions: &[DVec3],
+        triangles: &mut Vec<[u32; 3]>,
+        polygons: &mut Polygons,
+    ) -> Option<()> {
         let Chain { corners, holes } = chain;
         if matches!(self, Self::Polygon) && !corners.is_empty() && (corners.len() != 3 || !holes.is_empty()) {
             let ring = |ring: &Vec<u32>| ring.iter().map(|&v| positions[v as usize]).collect::<Vec<_>>();
-            let cut = cut_polygon(&ring(corners), &holes.iter().map(ring).collect::<Vec<_>>())?;
+            let cut = polygons.cut(&ring(corners), &holes.iter().map(ring).collect::<Vec<_>>())?;
             let all = [&corners[..], &holes.concat()].concat();
             triangles.extend(cut.into_iter().map(|t| t.map(|k| all[k])));
             return Some(());

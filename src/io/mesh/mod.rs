@@ -14,6 +14,8 @@ mod polygon;
 mod robotskin;
 pub(super) mod skin_csv;
 mod stl;
+#[cfg(feature = "robots")]
+mod threemf;
 
 use std::{io::Write, path::Path};
 
@@ -39,6 +41,8 @@ pub(super) fn reader_of(path: &Path) -> Result<MeshReader, IoError> {
         "json" => |source, _| robotskin::read(&source),
         #[cfg(feature = "robots")]
         "dae" => |source, _| dae::read(&source),
+        #[cfg(feature = "robots")]
+        "3mf" => |source, _| threemf::read(&source),
         "off" => |source, _| off::read(&source),
         #[cfg(feature = "robots")]
         "ply" => |source, _| ply::read(&source),
@@ -46,7 +50,7 @@ pub(super) fn reader_of(path: &Path) -> Result<MeshReader, IoError> {
         "csv" => |source, _| skin_csv::read(&source),
         "txt" => |source, _| icub::read(&source),
         _ => {
-            let robots = "glb, gltf, json, obj, off, ply, stl, dae, urdf, xml, csv, npz, txt, and exports of Tekscan, XSENSOR and novel";
+            let robots = "glb, gltf, json, obj, off, ply, stl, dae, 3mf, urdf, xml, csv, npz, txt, and exports of Tekscan, XSENSOR and novel";
             let known = if cfg!(feature = "robots") {
                 robots
             } else {

@@ -8,7 +8,7 @@ use glam::DVec3;
 use crate::io::IoError;
 use crate::io::arrays::read::{NumberArray, only, read_number_arrays};
 use crate::io::file::{Source, invalid};
-use crate::io::mesh::polygon::{CROSSED, POLYGON_NEEDED, cut_polygon};
+use crate::io::mesh::polygon::{CROSSED, POLYGON_NEEDED, Polygons};
 use crate::skin::{Draft, Presence, Sheet, TaxelId};
 
 /// Reads `V` (n x 3), `F` (m x 3, or m x 4 for quadrangles, counted from 0), `N` (n x 3, normals) and
@@ -45,6 +45,7 @@ pub(crate) fn read(source: &Source) -> Result<Draft, IoError> {
         let refuse = || invalid(path, "array `present`", "another number", needed);
         sheet.presence = Some(presence.ok_or_else(refuse)?);
     }
+    let mut polygons = Polygons::default();
     if let Some(faces) = find(&["F", "faces"])? {
         let &[_, corners @ (3 | 4)] = faces.shape.as_slice() else {
             return Err(refused(path, faces, "a shape (m, 3) or (m, 4)"));
@@ -55,7 +56,7 @@ pub(crate) fn read(source: &Source) -> Result<Draft, IoError> {
                 let element = format!("array `{}`, row {row}", faces.name);
                 invalid(path, element, CROSSED, POLYGON_NEEDED)
             };
-            let triangles = cut_polygon(&outline, &[]).ok_or_else(crossed)?;
+            let triangles = polygons.cut(&outline, &[]).ok_or_else(crossed)?;
             sheet.triangles.extend(triangles.into_iter().map(|t| t.map(|k| face[k])));
         }
     }
@@ -63,7 +64,8 @@ pub(crate) fn read(source: &Source) -> Result<Draft, IoError> {
         Some(patches) => apart(&sheet, &whole(path, patches, count as f64)?),
         None => vec![sheet],
     };
-    Ok(Draft { sheets, ..Draft::default() })
+    let remarks = polygons.remark(source.stem()).into_iter().collect();
+    Ok(Draft { sheets, remarks, ..Draft::default() })
 }
 
 /// The taxels of a sheet as one sheet for each number.

@@ -11,7 +11,8 @@ use glam::{DVec2, DVec3};
 use crate::io::error::Result;
 use crate::io::file::{LineLocation, Source, excerpt, finite, write_to};
 use crate::io::mesh::parts::ReadParts;
-use crate::io::mesh::polygon::{CROSSED, POLYGON_NEEDED, cut_polygon};
+use crate::io::mesh::parts::{is_not_finite, not_finite};
+use crate::io::mesh::polygon::{CROSSED, POLYGON_NEEDED, Polygons};
 use crate::skin::{Draft, Sheet, Skin};
 
 /// Stands for "none" in a [`Corner`].
@@ -57,6 +58,8 @@ struct ObjReader {
     groups: Vec<Group>,
     polygons: Vec<Polygon>,
     /// Where each (object, group) is in `groups`; one that comes again goes on where it was.
+    /// How many normals are not finite.
+    not_finite_normals: usize,
     known: HashMap<(String, String), usize>,
     object: String,
     group: usize,
@@ -93,9 +96,12 @@ pub(crate) fn read(source: &Source, parts: ReadParts) -> Result<Draft> {
         reader.statement(source, at, &line)?;
     }
     reader.check_indices(source)?;
-    reader.cut_polygons(source)?;
+    let warped = reader.cut_polygons(source)?.remark(source.stem());
     let sheets = reader.sheets();
-    Ok(Draft { sheets, materials: reader.materials.unwrap_or_default(), ..Draft::default() })
+    let no_normals =
+        (reader.not_finite_normals > 0).then(|| not_finite(source.stem(), reader.not_finite_normals));
+    let remarks = warped.into_iter().chain(no_normals).collect();
+    Ok(Draft { sheets, remarks, materials: reader.materials.unwrap_or_default(), ..Draft::default() })
 }
 
 /// Whether a line is a comment or a name, in which a backslash is a letter: other statements go on in the next
@@ -113,6 +119,11 @@ impl ObjReader {
             "v" => {
                 self.positions.push(vector(at, word, rest)?);
                 self.declared_in.push(self.group);
+            }
+            // A normal that is no number is none.
+            "vn" if is_not_finite(rest) => {
+                self.not_finite_normals += 1;
+                self.normals.push(DVec3::ZERO);
             }
             "vn" => self.normals.push(vector(at, word, rest)?),
             "vt" => {
@@ -189,14 +200,16 @@ impl ObjReader {
     }
 
     /// Replaces the fans of polygons by their triangles.
-    fn cut_polygons(&mut self, source: &Source) -> Result<()> {
+    fn cut_polygons(&mut self, source: &Source) -> Result<Polygons> {
+        let mut polygons = Polygons::default();
         // From the last on: the triangles before it stay where they are.
         for Polygon { group, triangles, line } in std::mem::take(&mut self.polygons).into_iter().rev() {
             let group = &mut self.groups[group];
             let fan = &group.triangles[triangles.clone()];
             let corners: Vec<Corner> = fan[0][..2].iter().copied().chain(fan.iter().map(|t| t[2])).collect();
             let outline: Vec<DVec3> = corners.iter().map(|c| self.positions[c.position as usize]).collect();
-            let cut = cut_polygon(&outline, &[])
+            let cut = polygons
+                .cut(&outline, &[])
                 .ok_or_else(|| source.invalid((line, "`f`"), CROSSED, POLYGON_NEEDED))?;
             if self.materials.is_some() {
                 let alike = vec![group.materials[triangles.start]; cut.len()];
@@ -204,7 +217,7 @@ impl ObjReader {
             }
             group.triangles.splice(triangles, cut.into_iter().map(|t| t.map(|k| corners[k])));
         }
-        Ok(())
+        Ok(polygons)
     }
 
     /// A corner `v`, `v/vt`, `v//vn` or `v/vt/vn`.

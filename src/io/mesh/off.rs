@@ -9,7 +9,7 @@ use crate::io::file::lines::LineLocation;
 use crate::io::file::outputs::write_to;
 use crate::io::file::{Source, excerpt, invalid};
 use crate::io::mesh::parts::all_triangles;
-use crate::io::mesh::polygon::{CROSSED, POLYGON_NEEDED, cut_polygon};
+use crate::io::mesh::polygon::{CROSSED, POLYGON_NEEDED, Polygons};
 use crate::skin::{Draft, Sheet, Skin};
 
 /// Reads an OFF file as one sheet: polygons become triangles, normals of `NOFF` are kept, colours and
@@ -29,12 +29,14 @@ pub(crate) fn read(source: &Source) -> Result<Draft, IoError> {
         }
     }
     sheet.normals = (has_normals == 1).then_some(normals);
+    let mut polygons = Polygons::default();
     for k in 0..faces {
         let what = || format!("face {k} of {faces}");
         words.start_row(&what)?;
-        words.add_face(&what, &mut sheet)?;
+        words.add_face(&what, &mut sheet, &mut polygons)?;
     }
-    Ok(Draft { sheets: vec![sheet], ..Draft::default() })
+    let remarks = polygons.remark(source.stem()).into_iter().collect();
+    Ok(Draft { sheets: vec![sheet], remarks, ..Draft::default() })
 }
 
 /// The words of a file, without comments.
@@ -81,7 +83,12 @@ impl<'a, I: Iterator<Item = (LineLocation<'a>, &'a str)>> Words<'a, I> {
         Ok(DVec3::from_array(numbers))
     }
 
-    fn add_face(&mut self, what: What<'_>, sheet: &mut Sheet) -> Result<(), IoError> {
+    fn add_face(
+        &mut self,
+        what: What<'_>,
+        sheet: &mut Sheet,
+        polygons: &mut Polygons,
+    ) -> Result<(), IoError> {
         let vertices = sheet.positions.len();
         let word = self.next(what)?;
         let corners = word.parse::<usize>().ok().filter(|&n| n > 0);
@@ -98,7 +105,7 @@ impl<'a, I: Iterator<Item = (LineLocation<'a>, &'a str)>> Words<'a, I> {
         let corners = (0..corners).map(|_| corner()).collect::<Result<Vec<u32>, _>>()?;
         let outline: Vec<DVec3> = corners.iter().map(|&v| sheet.positions[v as usize]).collect();
         let crossed = || self.at.invalid_part(what(), CROSSED, POLYGON_NEEDED);
-        let triangles = cut_polygon(&outline, &[]).ok_or_else(crossed)?;
+        let triangles = polygons.cut(&outline, &[]).ok_or_else(crossed)?;
         sheet.triangles.extend(triangles.into_iter().map(|t| t.map(|k| corners[k])));
         Ok(())
     }

@@ -11,9 +11,9 @@ use ply_rs_bw::ply::{
 use crate::io::IoError;
 use crate::io::error::Result;
 use crate::io::file::{Source, excerpt, unfit, write_to};
-use crate::io::mesh::parts::all_triangles;
-use crate::io::mesh::polygon::{CROSSED, POLYGON_NEEDED, cut_polygon};
-use crate::skin::{Draft, Presence, Sheet, Skin, TaxelId};
+use crate::io::mesh::parts::{all_triangles, is_not_finite, not_finite};
+use crate::io::mesh::polygon::{CROSSED, POLYGON_NEEDED, Polygons};
+use crate::skin::{Draft, Presence, Remark, Sheet, Skin, TaxelId};
 
 /// Properties of a vertex, by their index in the numbers of a [`PlyRow`].
 const VERTEX_PROPERTIES: [&str; 10] =
@@ -39,6 +39,9 @@ fn vertex_slot(property: &str) -> Option<usize> {
     let property = if property == "id" { "taxel_id" } else { property };
     VERTEX_PROPERTIES.iter().position(|&name| name == property)
 }
+
+/// What ends the header.
+const END: &[u8] = b"\nend_header";
 
 /// A negative corner: a strip starts again after it.
 const NEGATIVE: u32 = u32::MAX;
@@ -97,6 +100,11 @@ pub(crate) fn read(source: &Source) -> Result<Draft> {
     if bytes.starts_with(b"PLY") {
         bytes.to_mut()[..3].make_ascii_lowercase();
     }
+    // The crate takes UTF-8 alone; comments may be in other encodings.
+    let header_end = bytes.windows(END.len()).position(|at| at == END).unwrap_or(0);
+    if std::str::from_utf8(&bytes[..header_end]).is_err() {
+        bytes.to_mut()[..header_end].iter_mut().filter(|byte| !byte.is_ascii()).for_each(|byte| *byte = b'?');
+    }
     let mut reader = Reader::new(&*bytes);
     let header = Parser::<PlyRow>::new().read_header(&mut reader).map_err(broken)?;
     let header_len = source.bytes().len() - reader.get_ref().len();
@@ -119,29 +127,46 @@ pub(crate) fn read(source: &Source) -> Result<Draft> {
             _ => {}
         }
     }
+    let mut polygons = Polygons::default();
     for (k, row) in corners.iter().enumerate() {
-        read_face(source, k, row, &mut sheet)?;
+        read_face(source, k, row, &mut sheet, &mut polygons)?;
     }
     for (k, row) in strips.iter().enumerate() {
         read_strips(source, k, row, &mut sheet)?;
     }
-    Ok(Draft { sheets: vec![sheet], ..Draft::default() })
+    let warped = polygons.remark(source.stem());
+    let remarks = warped.into_iter().chain(clear_normals(&mut sheet)).collect();
+    Ok(Draft { sheets: vec![sheet], remarks, ..Draft::default() })
 }
 
 /// A text whose numbers have digits on both sides of their point and no plus, as the crate needs them: `.5`, `1.` and `+1`
-/// are numbers, too.
+/// are numbers, too. What is no number, `nan`, is infinite.
 fn with_digits(text: &[u8], header_len: usize) -> Vec<u8> {
     let mut out = Vec::with_capacity(text.len() + text.len() / 8);
     out.extend_from_slice(&text[..header_len]);
     let is_digit = |k: usize| text.get(k).is_some_and(u8::is_ascii_digit);
+    let mut skipped = header_len;
     for (k, &byte) in text.iter().enumerate().skip(header_len) {
         let starts = text[k - 1].is_ascii_whitespace();
         match byte {
+            _ if k < skipped => {}
             b'+' if starts => {}
             b'.' => {
                 out.extend_from_slice(if is_digit(k - 1) { b"." } else { b"0." });
                 if !is_digit(k + 1) {
                     out.push(b'0');
+                }
+            }
+            b'-' | b'n' | b'N' | b'i' | b'I'
+                if starts && text.get(k + 1).is_some_and(u8::is_ascii_alphabetic) =>
+            {
+                let word = text[k..].split(u8::is_ascii_whitespace).next().unwrap_or_default();
+                let is_infinite = std::str::from_utf8(word).is_ok_and(is_not_finite);
+                if is_infinite {
+                    out.extend_from_slice(b"1e999");
+                    skipped = k + word.len();
+                } else {
+                    out.push(byte);
                 }
             }
             _ => out.push(byte),
@@ -224,7 +249,8 @@ fn least_bytes(element: &ElementDef, encoding: Encoding) -> usize {
 
 fn read_vertices(source: &Source, element: &ElementDef, rows: &[PlyRow], sheet: &mut Sheet) -> Result<()> {
     for (k, row) in rows.iter().enumerate() {
-        if let Some(slot) = row.numbers.iter().position(|x| !x.is_finite()) {
+        let is_wrong = |(slot, x): (usize, &f64)| !x.is_finite() && !(3..ID).contains(&slot);
+        if let Some(slot) = row.numbers.iter().enumerate().position(is_wrong) {
             let element = format!("vertex {k}, property `{}`", VERTEX_PROPERTIES[slot]);
             return Err(source.invalid(element, row.numbers[slot].to_string(), "a finite number"));
         }
@@ -247,6 +273,14 @@ fn read_vertices(source: &Source, element: &ElementDef, rows: &[PlyRow], sheet: 
     Ok(())
 }
 
+/// Normals that are not finite are none.
+fn clear_normals(sheet: &mut Sheet) -> Option<Remark> {
+    let wrong = |normal: &&mut DVec3| !normal.is_finite();
+    let cleared =
+        sheet.normals.iter_mut().flatten().filter(wrong).map(|normal| *normal = DVec3::ZERO).count();
+    (cleared > 0).then(|| not_finite(sheet.name.clone(), cleared))
+}
+
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked to be a whole u32")]
 fn taxel_id(source: &Source, k: usize, value: f64) -> Result<TaxelId> {
     if value == -1.0 {
@@ -259,7 +293,13 @@ fn taxel_id(source: &Source, k: usize, value: f64) -> Result<TaxelId> {
     Ok(TaxelId(value as u32))
 }
 
-fn read_face(source: &Source, k: usize, row: &PlyRow, sheet: &mut Sheet) -> Result<()> {
+fn read_face(
+    source: &Source,
+    k: usize,
+    row: &PlyRow,
+    sheet: &mut Sheet,
+    polygons: &mut Polygons,
+) -> Result<()> {
     let broken = |found: String, needed: &str| source.invalid(format!("face {k}"), found, needed);
     let Some(corners) = row.corners.as_ref().filter(|corners| !corners.contains(&NEGATIVE)) else {
         return Err(broken("no list `vertex_indices` of whole numbers from 0".into(), "one"));
@@ -273,7 +313,7 @@ fn read_face(source: &Source, k: usize, row: &PlyRow, sheet: &mut Sheet) -> Resu
     }
     let outline: Vec<DVec3> = corners.iter().map(|&v| sheet.positions[v as usize]).collect();
     let crossed = || broken(CROSSED.into(), POLYGON_NEEDED);
-    let triangles = cut_polygon(&outline, &[]).ok_or_else(crossed)?;
+    let triangles = polygons.cut(&outline, &[]).ok_or_else(crossed)?;
     sheet.triangles.extend(triangles.into_iter().map(|t| t.map(|k| corners[k])));
     Ok(())
 }

@@ -11,6 +11,8 @@ use std::f64::consts::TAU;
 use glam::{DVec2, DVec3};
 
 use crate::delaunay::triangulate_region;
+use crate::mesh::triangles_of_least_area;
+use crate::skin::{Remark, RemarkKind};
 
 /// A polygon is a line, without a plane, if the areas of its fan are below this share of its squared length; a
 /// triangle of a fan has no area below this share of the polygon; areas add up to that of the polygon with this
@@ -23,10 +25,59 @@ pub(super) const CROSSED: &str = "a polygon that crosses or touches itself";
 pub(super) const POLYGON_NEEDED: &str =
     "a polygon whose edges meet at its corners alone; other programs triangulate faces on export";
 
+/// A polygon is warped, and not flat, if a corner is farther from its plane than this share of its length.
+const WARPED: f64 = 1e-4;
+
+/// Most corners of a warped polygon: its triangles take time with their cube.
+const MOST_WARPED: usize = 200;
+
+/// The polygons of a file.
+#[derive(Debug, Default)]
+pub(super) struct Polygons {
+    /// How many cross themselves when they are laid flat, but are not flat.
+    warped: usize,
+}
+
+impl Polygons {
+    /// The triangles of a polygon, as [`cut_polygon`]; those of least area where it is warped so much that it crosses itself
+    /// in its plane only.
+    pub(super) fn cut(&mut self, outline: &[DVec3], holes: &[Vec<DVec3>]) -> Option<Vec<[usize; 3]>> {
+        let cut = cut_polygon(outline, holes);
+        if cut.is_some() || !holes.is_empty() || outline.len() > MOST_WARPED || !is_warped(outline) {
+            return cut;
+        }
+        self.warped += 1;
+        triangles_of_least_area(outline, |_, _| true)
+    }
+
+    /// Says how many are warped.
+    pub(super) fn remark(&self, patch: String) -> Option<Remark> {
+        let what = match self.warped {
+            0 => return None,
+            1 => "1 face is not flat and crosses itself in its plane; it became the triangles of least area"
+                .into(),
+            n => format!(
+                "{n} faces are not flat and cross themselves in their planes; they became the triangles of least area"
+            ),
+        };
+        Some(Remark { patch, kind: RemarkKind::PassedOver { what } })
+    }
+}
+
+/// Whether a polygon is not flat.
+fn is_warped(outline: &[DVec3]) -> bool {
+    let middle = outline.iter().sum::<DVec3>() / outline.len() as f64;
+    let ends = || outline.iter().zip(outline.iter().cycle().skip(1));
+    let normal: DVec3 = ends().map(|(a, b)| (a - middle).cross(b - middle)).sum();
+    let length: f64 = ends().map(|(a, b)| a.distance(*b)).sum();
+    let height = |p: &DVec3| (p - middle).dot(normal.normalize_or_zero()).abs();
+    outline.iter().map(height).fold(0.0, f64::max) > WARPED * length
+}
+
 /// The triangles of a polygon: numbers of corners, of the outline and then of each hole. A polygon without area
 /// becomes a fan, and one of one or two corners, a point or a line in some files, a triangle with a corner twice, which
 /// is left out later with a note. `None` if it crosses or touches itself.
-pub(super) fn cut_polygon(outline: &[DVec3], holes: &[Vec<DVec3>]) -> Option<Vec<[usize; 3]>> {
+fn cut_polygon(outline: &[DVec3], holes: &[Vec<DVec3>]) -> Option<Vec<[usize; 3]>> {
     if outline.len() < 3 {
         let last = outline.len().checked_sub(1)?;
         return Some(vec![[0, last, last]]);
@@ -148,6 +199,33 @@ mod tests {
     #[test]
     fn what_is_convex_stays_a_fan() {
         assert_eq!(cut_polygon(&at(&SQUARE), &[]).unwrap(), [[0, 1, 2], [0, 2, 3]]);
+    }
+
+    /// A strip of 35 x 0.7 mm that bends by 0.45 mm out of its plane, in which it crosses itself.
+    #[test]
+    fn a_warped_polygon_becomes_triangles() {
+        let strip = [
+            [0.026925, -0.346435, 0.030275],
+            [0.02692, -0.346434, 0.030272],
+            [0.026429, -0.346403, 0.030146],
+            [0.026034, -0.336713, 0.033096],
+            [0.02472, -0.322218, 0.036134],
+            [0.02393, -0.316661, 0.036882],
+            [0.024419, -0.316601, 0.037021],
+        ]
+        .map(DVec3::from_array);
+        assert_eq!(cut_polygon(&strip, &[]), None);
+        let mut polygons = Polygons::default();
+        let triangles = polygons.cut(&strip, &[]).unwrap();
+        let area = |t: &[usize; 3]| {
+            let [a, b, c] = t.map(|k| strip[k]);
+            (b - a).cross(c - a).length() / 2.0
+        };
+        let total: f64 = triangles.iter().map(area).sum();
+        assert!(triangles.len() == 5 && (1.5e-5..2.5e-5).contains(&total), "{total} m^2");
+        assert!(polygons.remark("a".into()).is_some());
+        let bow: Vec<DVec3> = at(&[[0., 0.], [4., 4.], [4., 0.], [0., 1.]]);
+        assert_eq!(Polygons::default().cut(&bow, &[]), None, "it is flat");
     }
 
     #[test]

@@ -35,7 +35,7 @@ const MOST_BYTES: u64 = 1 << 30;
 const MAX_TRIANGLES: usize = 20_000_000;
 
 /// Kinds of meshes that are read.
-const KINDS: &str = "stl, obj, dae, ply, off, glb, gltf";
+const KINDS: &str = "stl, obj, dae, ply, off, 3mf, glb, gltf";
 
 /// The skin of a robot that was read from the file `path`: a sheet for each shape of each link, with the vertices
 /// at one position as one. Shapes are called as their link, or, where it has several, with their number after it.

@@ -71,7 +71,7 @@ pub(super) fn robot_of(source: &Source) -> Result<Robot> {
             return Err(xml.invalid(root, "another kind of XML", needed));
         }
     }
-    refuse_macros(&xml)?;
+    let unused = refuse_macros(&xml)?;
     let links = Named::read(&xml, children(root, "link"))?;
     if links.nodes.is_empty() {
         return Err(xml.invalid(root, "no <link>", "a robot description with links"));
@@ -110,6 +110,11 @@ pub(super) fn robot_of(source: &Source) -> Result<Robot> {
     for (&node, &link) in links.nodes.iter().zip(&ids) {
         read_shapes(&xml, node, link, &mut robot)?;
     }
+    if unused > 0 {
+        let patch = if robot.name.is_empty() { source.stem() } else { robot.name.clone() };
+        let what = format!("{unused} definitions of xacro are not used by anything, and not read");
+        robot.remarks.push(Remark { patch, kind: RemarkKind::PassedOver { what } });
+    }
     let mut taxels = 0;
     for node in children(root, "sensor") {
         let sheet = read_sensor(&xml, node, |name| Some(ids[links.find(name)?]), taxels)?;
@@ -119,16 +124,26 @@ pub(super) fn robot_of(source: &Source) -> Result<Robot> {
     Ok(robot)
 }
 
-/// Refuses a file of macros, in which names and numbers are still to be computed.
-fn refuse_macros(xml: &Xml<'_>) -> Result<()> {
-    for node in xml.root().descendants().filter(Node::is_element) {
+/// Elements of xacro that define what others use.
+const DEFINITIONS: [&str; 3] = ["property", "arg", "macro"];
+
+/// Refuses a file of macros, in which names and numbers are still to be computed. Returns how many definitions it has that
+/// nothing uses.
+fn refuse_macros(xml: &Xml<'_>) -> Result<usize> {
+    let (mut unused, mut open) = (0, vec![xml.root()]);
+    while let Some(node) = open.pop() {
         let is_macro = node.tag_name().namespace().is_some_and(|space| space.contains("xacro"));
+        if is_macro && DEFINITIONS.contains(&node.tag_name().name()) {
+            unused += 1;
+            continue;
+        }
         let is_open = |value: &str| value.contains("${") || value.contains("$(");
         if is_macro || node.attributes().any(|attribute| is_open(attribute.value())) {
             return Err(xml.invalid(node, "a macro of xacro", EXPAND));
         }
+        open.extend(node.children().filter(Node::is_element));
     }
-    Ok(())
+    Ok(unused)
 }
 
 /// A link, and the joint that it hangs by.

@@ -104,7 +104,9 @@ fn write_shape(svg: &mut String, shape: &Shape, em: f64) {
             element.set("href", format_args!("data:image/png;base64,{data}")).end();
         }
         Shape::Scale { corner, size, colours } => {
-            svg.push_str("<defs><linearGradient id=\"scale\">\n");
+            // Pictures on one page share their names: that of a scale is of its colours.
+            let id = format!("scale-{:016x}", hash(colours));
+            let _ = writeln!(svg, "<defs><linearGradient id=\"{id}\">");
             let last = colours.len().saturating_sub(1).max(1) as f64;
             for (k, colour) in colours.iter().enumerate() {
                 let stop = SvgElement::new(svg, "stop").set("offset", k as f64 / last);
@@ -112,9 +114,15 @@ fn write_shape(svg: &mut String, shape: &Shape, em: f64) {
             }
             svg.push_str("</linearGradient></defs>\n");
             let bar = SvgElement::new(svg, "rect").corner_and_size(*corner, *size);
-            bar.set("fill", "url(#scale)").stroke(&Stroke::FRAME).end();
+            bar.set("fill", format_args!("url(#{id})")).stroke(&Stroke::FRAME).end();
         }
     }
+}
+
+/// A hash of colours: FNV-1a, of 64 bits.
+fn hash(colours: &[Colour]) -> u64 {
+    let bytes = colours.iter().flat_map(|colour| colour.hex().into_bytes());
+    bytes.fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
 }
 
 fn escape(text: &str) -> String {

@@ -5,12 +5,12 @@ use std::collections::BTreeSet;
 use glam::DVec3;
 
 use crate::id::{FaceId, IdVec, VertexId};
-use crate::mesh::{Halfedge, Part, TriMesh, separate};
+use crate::mesh::{Halfedge, Part, TriMesh, separate, triangle_cross};
 use crate::skin::assemble::zero_area::{Cleared, clear_zero_area};
 use crate::skin::normals::mean_directions;
 use crate::skin::remark::note;
 use crate::skin::weld::WeldOptions;
-use crate::skin::weld::welded_mesh::{MOST_ROUNDS, WeldedMesh};
+use crate::skin::weld::welded_mesh::WeldedMesh;
 use crate::skin::weld::winding::{Winding, one_sided_strip};
 use crate::skin::{RemarkKind, Sheet, SkinError};
 
@@ -51,12 +51,7 @@ impl<'a> Components<'a> {
         let surface = WeldedMesh::new(sheet, welding, |_| true);
         let crowded = surface.crowded();
         if !crowded.is_empty() {
-            let (patch, edges) = (patch(), crowded);
-            return Err(if surface.is_given_up {
-                SkinError::RepairGaveUp { patch, rounds: MOST_ROUNDS, edges }
-            } else {
-                SkinError::NonManifoldEdges { patch, edges }
-            });
+            return Err(SkinError::NonManifoldEdges { patch: patch(), edges: crowded });
         }
         let again = repeated_faces(&surface);
         if !again.is_empty() {
@@ -78,6 +73,12 @@ impl<'a> Components<'a> {
             }
         }
         let cleared = clear_zero_area(&mut mesh);
+        let area = |face: FaceId| triangle_cross(mesh.corners(face)).length();
+        let flat: f64 = cleared.kept.iter().map(|&face| area(face)).sum();
+        if 2.0 * flat > mesh.triangles.ids().map(area).sum::<f64>() {
+            let (faces, of) = (cleared.kept.len(), mesh.triangles.len());
+            return Err(SkinError::Needles { patch: patch(), faces, of });
+        }
         let mut component: IdVec<FaceId, Option<usize>> = winding.components.of.map(|&c| Some(c));
         for &face in &cleared.dropped {
             component[face] = None;
@@ -146,8 +147,8 @@ fn report_splits(surface: &WeldedMesh, remarks: &mut Vec<RemarkKind>) {
         remarks.push(RemarkKind::CutKept { edges: surface.cut });
     }
     note(remarks, surface.duplicates.clone(), |faces| RemarkKind::DuplicatesDropped { faces });
-    note(remarks, surface.dropped.clone(), |faces| RemarkKind::ExtraFacesDropped { faces });
     note(remarks, surface.split_edges.clone(), |edges| RemarkKind::EdgesParted { edges });
+    note(remarks, surface.divided.clone(), |edges| RemarkKind::EdgesDivided { edges });
     note(remarks, surface.one_sided.clone(), |edges| RemarkKind::OneSidedCut { edges });
     note(remarks, surface.touching.clone(), |vertices| RemarkKind::FansSplit { vertices });
 }

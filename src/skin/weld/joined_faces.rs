@@ -19,8 +19,8 @@ use crate::skin::weld::opening::kept_open;
 use crate::skin::weld::{Weld, WeldOptions};
 
 /// Texture coordinates nearer than this, or than this share of them, are the same one, rounded: a tenth of a
-/// pixel of a large texture.
-const SAME_TEXTURE: f64 = 1e-5;
+/// pixel of a texture of 1000 pixels. Charts that are apart are at least a pixel from each other.
+const SAME_TEXTURE: f64 = 1e-4;
 
 /// Which faces are joined across each edge of a welded sheet.
 pub(in crate::skin) struct JoinedFaces<'a> {
@@ -171,6 +171,22 @@ impl<'a> JoinedFaces<'a> {
         }
         let crowded = edges.iter().filter(|uses| uses.len() > 2 && self.sheets_in_file(uses).is_none());
         crowded.map(|uses| self.ends_in_file(uses[0])).collect()
+    }
+
+    /// For each edge at which faces are apart, of more than two or of a one-sided surface, the faces that are joined there.
+    pub(in crate::skin) fn sheets_at_edges(&self, edges: &Edges) -> Vec<Vec<Vec<Halfedge>>> {
+        let is_apart = |uses: &&[Halfedge]| match **uses {
+            [a, b] => self.one_sided.contains(&[a.min(b), a.max(b)]),
+            _ => uses.len() > 2,
+        };
+        let sheets = |uses: &[Halfedge]| {
+            let mut sheets = Vec::new();
+            self.each_pair(uses, |a, b| sheets.push(vec![a, b]));
+            let alone: Vec<_> = uses.iter().filter(|h| !sheets.iter().flatten().any(|of| of == *h)).collect();
+            sheets.extend(alone.into_iter().map(|&h| vec![h]));
+            sheets
+        };
+        edges.iter().filter(is_apart).map(sheets).collect()
     }
 
     /// The edges along which one-sided components were cut open on request.

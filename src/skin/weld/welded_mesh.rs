@@ -5,22 +5,18 @@
 //! a surface open (`opening`). Faces are then joined across edges (`joined_faces`), and every fan of
 //! faces gets a vertex of its own.
 
-use std::collections::{BTreeSet, HashMap};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 use rayon::prelude::*;
 
 use crate::id::{FaceId, IdVec, VertexId};
-use crate::mesh::{Edges, Halfedge, TriMesh};
+use crate::mesh::{Edges, Halfedge, TriMesh, parts};
 use crate::numeric::DisjointSets;
 use crate::parallel::par_ids;
-use crate::skin::weld::crowded::{Content, pairs};
 use crate::skin::weld::fans::split_fans;
 use crate::skin::weld::joined_faces::{JoinedFaces, fans};
 use crate::skin::weld::{Weld, WeldOptions};
 use crate::skin::{Sheet, TaxelId};
-
-/// Most rounds of repair: dropping faces can leave further edges that cannot be split; each round leaves fewer faces.
-pub(in crate::skin) const MOST_ROUNDS: usize = 16;
 
 /// The triangles of one sheet after welding.
 ///
@@ -45,55 +41,20 @@ pub(in crate::skin) struct WeldedMesh {
     pub duplicates: Vec<FaceId>,
     /// Vertices of the file around which several fans of faces touched.
     pub touching: Vec<VertexId>,
-    /// Faces of the file that were dropped at edges that cannot be split into sheets.
-    pub dropped: Vec<FaceId>,
     /// Edges of more than two faces that were split into sheets, by vertices of the file.
     pub split_edges: Vec<[VertexId; 2]>,
+    /// Edges that got a vertex in the middle, since their sheets are connected around both ends; by vertices of the file.
+    pub divided: Vec<[VertexId; 2]>,
     /// Edges along which one-sided surfaces were cut open, by vertices of the file.
     pub one_sided: Vec<[VertexId; 2]>,
     /// How many edges stay cut open as in the file.
     pub cut: usize,
-    /// Whether repair stopped after many rounds, with edges of more than two faces left.
-    pub is_given_up: bool,
 }
 
 impl WeldedMesh {
-    /// Welds `sheet`, whose faces for which `usable` holds must have corners in range and finite.
-    ///
-    /// On request, faces are dropped where sheets are connected around both ends of an edge of more
-    /// than two faces, so that it cannot be split: all but the first pair.
+    /// Welds `sheet`, whose faces for which `usable` holds must have corners in range and finite. On request, no edge has more
+    /// than two faces afterwards.
     pub(in crate::skin) fn new(sheet: &Sheet, options: WeldOptions, usable: impl Fn(FaceId) -> bool) -> Self {
-        Self::repaired(sheet, options, usable, MOST_ROUNDS)
-    }
-
-    fn repaired(sheet: &Sheet, options: WeldOptions, usable: impl Fn(FaceId) -> bool, rounds: usize) -> Self {
-        let mut dropped = BTreeSet::new();
-        for round in 0.. {
-            let this = Self::without(sheet, options, |face| usable(face) && !dropped.contains(&face));
-            let extra = if options.repair { this.extra_faces() } else { Vec::new() };
-            if extra.is_empty() || round == rounds {
-                let is_given_up = !extra.is_empty();
-                return Self { dropped: dropped.into_iter().collect(), is_given_up, ..this };
-            }
-            dropped.extend(extra);
-        }
-        unreachable!("the last round returns")
-    }
-
-    /// The faces to drop at edges that still have more than two.
-    fn extra_faces(&self) -> Vec<FaceId> {
-        let content = Content::of(&self.mesh, &self.edges);
-        let mut extra = Vec::new();
-        for uses in self.edges.iter().filter(|uses| uses.len() > 2) {
-            let kept = pairs(&self.mesh, uses, content);
-            let kept = kept.first().copied().unwrap_or([uses[0], uses[1]]);
-            let rest = uses.iter().filter(|h| !kept.contains(h));
-            extra.extend(rest.map(|h| self.file_faces[h.face()]));
-        }
-        extra
-    }
-
-    fn without(sheet: &Sheet, options: WeldOptions, usable: impl Fn(FaceId) -> bool) -> Self {
         let triangles: IdVec<FaceId, [VertexId; 3]> =
             sheet.triangles.iter().map(|t| t.map(VertexId::from)).collect();
         let mut mesh = TriMesh { positions: sheet.positions.clone().into(), triangles: IdVec::default() };
@@ -122,11 +83,10 @@ impl WeldedMesh {
             repeated,
             duplicates,
             touching: Vec::new(),
-            dropped: Vec::new(),
             split_edges: Vec::new(),
+            divided: Vec::new(),
             one_sided: Vec::new(),
             cut: 0,
-            is_given_up: false,
         };
         this.split(sheet, options);
         this
@@ -140,7 +100,8 @@ impl WeldedMesh {
         self.split_edges = joined.split_edges(&self.edges);
         self.one_sided = joined.one_sided();
         self.cut = joined.cut_edges(&self.edges);
-        if split.corners.is_empty() {
+        let sheets = if options.repair { joined.sheets_at_edges(&self.edges) } else { Vec::new() };
+        if split.corners.is_empty() && sheets.is_empty() {
             return;
         }
         for (v, name) in split.names {
@@ -157,6 +118,7 @@ impl WeldedMesh {
         if options.weld != Weld::Texture {
             self.touching = split.touching;
         }
+        self.divide(&sheets);
         self.edges = Edges::new(&self.mesh.triangles, self.mesh.positions.len());
     }
 
@@ -164,6 +126,42 @@ impl WeldedMesh {
     pub(in crate::skin) fn crowded(&self) -> Vec<[VertexId; 2]> {
         let ends = |h: Halfedge| [h.start(&self.mesh), h.end(&self.mesh)].map(|v| self.in_file(v));
         self.edges.iter().filter(|uses| uses.len() > 2).map(|uses| ends(uses[0])).collect()
+    }
+
+    /// Gives every sheet at an edge an edge of its own: where several still have both vertices, all but the first get a
+    /// vertex in the middle.
+    fn divide(&mut self, edges: &[Vec<Vec<Halfedge>>]) {
+        let mut middles: BTreeMap<FaceId, [Option<VertexId>; 3]> = BTreeMap::new();
+        for sheets in edges {
+            let mut taken = BTreeSet::new();
+            for sheet in sheets {
+                let [a, b] = [sheet[0].start(&self.mesh), sheet[0].end(&self.mesh)];
+                if taken.insert([a.min(b), a.max(b)]) {
+                    continue;
+                }
+                let middle = self.mesh.positions[a].midpoint(self.mesh.positions[b]);
+                let middle = self.mesh.positions.push(middle);
+                let ends = [a, b].map(|v| self.in_file(v));
+                self.divided.push(ends);
+                self.copied.push(ends[0].min(ends[1]));
+                for h in sheet {
+                    middles.entry(h.face()).or_default()[h.side()] = Some(middle);
+                }
+            }
+        }
+        if middles.is_empty() {
+            return;
+        }
+        let (mut triangles, mut file_faces) = (IdVec::default(), IdVec::default());
+        for (face, t) in self.mesh.triangles.enumerate() {
+            let cut = middles.get(&face).copied().unwrap_or_default();
+            for part in parts(cut.map(|middle| middle.is_some())) {
+                let corner = |k: usize| if k < 3 { t[k] } else { cut[k - 3].unwrap_or(t[k - 3]) };
+                triangles.push(part.map(corner));
+                file_faces.push(self.file_faces[face]);
+            }
+        }
+        (self.mesh.triangles, self.file_faces) = (triangles, file_faces);
     }
 
     /// The vertex of the file for a vertex.
@@ -240,16 +238,18 @@ mod tests {
     use super::*;
 
     /// A tetrahedron with a flap that continues one of its faces: the face on the other side of the edge
-    /// is connected with that face around both ends, so it is dropped.
+    /// is connected with that face around both ends. Nothing is lost; the edge gets a vertex in the middle.
     #[test]
-    fn a_repair_that_stops_is_reported() {
+    fn an_edge_between_sheets_that_are_connected_is_divided() {
         let positions = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z, -DVec3::Y];
         let triangles = vec![[0, 1, 2], [1, 0, 3], [1, 0, 4], [0, 2, 3], [1, 3, 2]];
         let sheet = Sheet { positions, triangles, ..Sheet::default() };
-        let options = WeldOptions { weld: Weld::Auto, repair: true };
-        let whole = WeldedMesh::repaired(&sheet, options, |_| true, MOST_ROUNDS);
-        assert!(!whole.is_given_up && !whole.dropped.is_empty(), "{:?}", whole.dropped);
-        let stopped = WeldedMesh::repaired(&sheet, options, |_| true, 0);
-        assert!(stopped.is_given_up && stopped.edges.iter().any(|uses| uses.len() > 2));
+        let whole = WeldedMesh::new(&sheet, WeldOptions { weld: Weld::Auto, repair: true }, |_| true);
+        assert!(whole.edges.iter().all(|uses| uses.len() <= 2));
+        assert_eq!((whole.divided.len(), whole.mesh.triangles.len()), (1, 6));
+        let area = TriMesh::from_arrays(sheet.positions.clone(), &sheet.triangles).area();
+        assert!((whole.mesh.area() - area).abs() < 1e-15);
+        let as_it_is = WeldedMesh::new(&sheet, WeldOptions { weld: Weld::Auto, repair: false }, |_| true);
+        assert!(as_it_is.edges.iter().any(|uses| uses.len() > 2));
     }
 }

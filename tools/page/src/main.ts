@@ -503,7 +503,7 @@ class Page {
 
   setLevel(level: number): void {
     const most = Math.max(...this.patches.map((p) => p.fields.length)) - 1;
-    this.level = this.view.level = Math.min(most, Math.max(0, level));
+    this.level = this.view.level = Math.min(most, Math.max(0, Math.round(level)));
     const count = this.patches.reduce((sum, p, k) => sum + p.fields[this.levelOf(k)].vertices, 0);
     const says = `level ${this.level}: ${count} ${this.level === 0 ? 'taxels' : 'fields'}`;
     const slider = byId<HTMLInputElement>('level');
@@ -569,7 +569,7 @@ class Page {
     const { recording } = this.data.header;
     if (!recording || recording.times.length === 0) return;
     const count = recording.times.length;
-    this.frame = Math.min(count - 1, Math.max(0, frame));
+    this.frame = Math.min(count - 1, Math.max(0, Math.round(frame)));
     if (this.paints.name === 'recording') {
       const step = (recording.hi - recording.lo) / 254;
       let first = 0;
@@ -743,8 +743,10 @@ class Page {
   }
 
   private key(e: KeyboardEvent): void {
-    const target = e.target as HTMLElement, isField = ['INPUT', 'SELECT', 'BUTTON'].includes(target.tagName);
+    const target = e.target as HTMLElement, isField = ['INPUT', 'BUTTON'].includes(target.tagName);
     if (e.ctrlKey || e.metaKey || e.altKey) return;
+    // Keys are the field's while one types, and letters choose in a list.
+    if (target.matches('input:not([type="range"], [type="checkbox"]), select, textarea')) return;
     const arrows: Record<string, [number, number]> = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
     if (e.key in arrows && target.classList.contains('view')) this.walk(...arrows[e.key]);
     else if (e.key === 'u') this.toggleUnfold();
@@ -874,13 +876,14 @@ class Page {
     if (map) [this.view.mapEye.x, this.view.mapEye.y] = map;
     if (map && map[2] > 0) this.view.mapEye.zoom = map[2];
     const names = [...byId<HTMLSelectElement>('colour').options].map((o) => o.value), wanted = state.get('colour') ?? '';
-    const most = Math.max(...this.patches.map((p) => p.fields.length)) - 1;
-    this.setLevel(numbers('level', 1)?.[0] ?? (this.data.header.recording ? 0 : Math.min(2, most)));
-    this.setPaint(names.includes(wanted) ? wanted : this.data.header.recording ? 'recording' : most > 0 ? 'field' : 'angle');
+    // All patches have this level.
+    const common = Math.min(...this.patches.map((p) => p.fields.length)) - 1;
+    this.setLevel(numbers('level', 1)?.[0] ?? (this.data.header.recording ? 0 : Math.min(2, common)));
+    this.setPaint(names.includes(wanted) ? wanted : this.data.header.recording ? 'recording' : common > 0 ? 'field' : 'angle');
     this.setFrame(numbers('frame', 1)?.[0] ?? this.firstTouch());
     this.setUnfold(numbers('unfold', 1)?.[0] ?? 0);
     const [patch, taxel] = (state.get('taxel') ?? '').split(':').map(Number);
-    if (state.get('taxel') && this.patches[patch] && taxel >= 0 && taxel < this.patches[patch].taxels) this.pin({ patch, taxel });
+    if (state.get('taxel') && this.patches[patch] && Number.isInteger(taxel) && taxel >= 0 && taxel < this.patches[patch].taxels) this.pin({ patch, taxel });
   }
 
   /** The frame with most touch: a recording mostly begins with none. */

@@ -96,7 +96,7 @@ impl PyObservations {
     ///     A graph .g2o or a table .csv.
     /// contacts : sequence of str or os.PathLike, optional
     ///     Contacts in files of their own.
-    /// unit : {"m", "mm", "cm", "in"} or float
+    /// unit : {"m", "mm", "cm", "dm", "in"} or float
     ///     Unit of all lengths.
     /// clip_information : bool
     ///     Replace information that is not positive semi-definite by the nearest that is.
@@ -132,7 +132,7 @@ impl PyObservations {
     ///     Displacements have `i`, `j`, `dx`, `dy`, `dz`, contacts `i`, `x`, `y`, `z` and perhaps `nx`, `ny`, `nz`, `touch`,
     ///     `contact`, `weight`, `qx`, `qy`, `qz`, `qw`; then `sigma`, or `sx`, `sy`, `sz`, or `ixx`, `ixy`, `ixz`, `iyy`,
     ///     `iyz`, `izz`. Errors count the names of the columns as line 1.
-    /// unit : {"m", "mm", "cm", "in"} or float
+    /// unit : {"m", "mm", "cm", "dm", "in"} or float
     ///     Unit of all lengths.
     ///
     /// Returns

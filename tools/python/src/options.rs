@@ -71,7 +71,7 @@ pub(crate) fn unit(value: &Bound<'_, PyAny>) -> PyResult<f64> {
         Ok(metres) => positive("unit", metres),
         Err(_) => {
             let name: String = value.extract()?;
-            word("unit", &name, &[("m", 1.0), ("mm", 1e-3), ("cm", 1e-2), ("in", 0.0254)])
+            word("unit", &name, &[("m", 1.0), ("mm", 1e-3), ("cm", 1e-2), ("dm", 0.1), ("in", 0.0254)])
         }
     }
 }

@@ -12,7 +12,7 @@ use dermatome::{
     io::{
         IoError, ReadParts, draft_from_bytes, is_robot, lost_in, read_draft_with, skin_to_bytes, write_skin,
     },
-    remesh::{drop_crumbs, keep_outer, remesh_skin},
+    remesh::{LeftOut, drop_crumbs, keep_outer, remesh_skin},
     skin::{
         AssembleOptions, Draft, Link, LinkId, Patch, Presence, Remark, Sheet, TaxelId, assemble,
         check as findings_of,
@@ -143,7 +143,7 @@ impl PySkin {
 /// Whether a file is of CAD, whose triangles need repair more often than not.
 fn is_stl(path: &std::path::Path) -> bool {
     path.extension().is_some_and(|kind| {
-        ["stl", "dae", "urdf", "xml", "mjcf"].iter().any(|cad| kind.eq_ignore_ascii_case(cad))
+        ["stl", "dae", "3mf", "urdf", "xml", "mjcf"].iter().any(|cad| kind.eq_ignore_ascii_case(cad))
     })
 }
 
@@ -154,15 +154,15 @@ impl PySkin {
     /// Parameters
     /// ----------
     /// path : str, os.PathLike, or a sequence of them
-    ///     .glb, .gltf, .json, .obj, .off, .ply, .stl, .dae, .urdf, .npz, .csv or .txt; several files are one skin.
-    /// unit : {"m", "mm", "cm", "in"} or float
+    ///     .glb, .gltf, .json, .obj, .off, .ply, .stl, .dae, .3mf, .urdf, .npz, .csv or .txt; several files are one skin.
+    /// unit : {"m", "mm", "cm", "dm", "in"} or float
     ///     Unit of the lengths in the file; a number is a length in m.
     /// gap : float
     ///     Longest edge between taxels without triangles over their spacing, from 1 to 20.
     /// weld : {"auto", "all", "none", "texture"}
     ///     Which vertices at exactly one place become one taxel.
     /// repair : bool, optional
-    ///     Whether faulty triangles are repaired; by default those of .stl, .dae and .urdf files.
+    ///     Whether faulty triangles are repaired; by default those of .stl, .dae, .3mf and .urdf files.
     /// outside : (3,) array_like, optional
     ///     Direction of the outside of taxels without triangles and normals.
     /// fill_holes : int, optional
@@ -210,7 +210,7 @@ impl PySkin {
         let parts = ReadParts { texture: weld == "texture", ..ReadParts::default() };
         let is_chosen = patches.is_some();
         let is_robot = matches!(&paths[..], [path] if is_robot(path));
-        let (mut draft, inner) = run(py, 0, move |_| read_drafts(&paths, parts, outer))?.map_err(error)?;
+        let (mut draft, left_out) = run(py, 0, move |_| read_drafts(&paths, parts, outer))?.map_err(error)?;
         // Taxels of sensors are the skin itself.
         let are_taxels = is_robot && draft.sheets.iter().any(|sheet| sheet.triangles.is_empty());
         if outer && draft.sheets.is_empty() {
@@ -226,10 +226,7 @@ impl PySkin {
         patches.map_or(Ok(()), |patterns| keep_patches(py, &mut draft, &patterns))?;
         draft.scale(metres);
         let mut skin = Self::assembled(py, draft, options)?;
-        if inner > 0 {
-            let faces = if inner == 1 { "1 face is".to_owned() } else { format!("{inner} faces are") };
-            skin.remarks.insert(0, format!("{faces} inside the body, left out"));
-        }
+        skin.remarks.splice(0..0, left_out.notes()).for_each(drop);
         let least_area = least_area.or(is_robot.then_some(0.01)).filter(|_| !is_chosen && !are_taxels);
         if let Some(least_area) = least_area {
             skin = skin.without_crumbs(least_area, spacing)?;
@@ -510,13 +507,13 @@ impl PySkin {
     }
 }
 
-/// What some files hold, as one draft, and how many faces inside of it were left out.
-fn read_drafts(paths: &[PathBuf], parts: ReadParts, outer: bool) -> Result<(Draft, usize), IoError> {
+/// What some files hold, as one draft, and what was left out since it is not seen.
+fn read_drafts(paths: &[PathBuf], parts: ReadParts, outer: bool) -> Result<(Draft, LeftOut), IoError> {
     let mut drafts = paths.iter().map(|path| read_draft_with(path, parts));
     let mut draft = drafts.next().transpose()?.unwrap_or_default();
     drafts.try_for_each(|other| other.map(|other| draft.append(other)))?;
-    let inner = if outer { keep_outer(&mut draft) } else { 0 };
-    Ok((draft, inner))
+    let left_out = if outer { keep_outer(&mut draft) } else { LeftOut::default() };
+    Ok((draft, left_out))
 }
 
 /// The wanted spacing of the taxels of each patch, in m: a number, or one for names of links.

@@ -455,8 +455,8 @@ def test_what_outer_leaves_out_is_named(tmp_path):
         files.append(tmp_path / f"{name}.stl")
         dermatome.Skin.from_arrays(corners, faces, patch=name).write(files[-1])
     skin = dermatome.Skin.read(files, outer=True)
-    assert len(skin.patches) == 1 and skin.remarks[0] == "12 faces are inside the body, left out"
-    assert [r for r in skin.remarks if "finger" in r and "inside the rest of its link, and left out" in r]
+    assert len(skin.patches) == 1 and skin.remarks[0] == "12 faces are not seen from outside, and left out"
+    assert [r for r in skin.remarks if "finger" in r and "cannot be seen from outside, and left out" in r]
 
 
 def test_fields_are_finer_where_the_acuity_is_larger():

@@ -393,7 +393,8 @@ fn converter(path: &Path) -> Option<&'static str> {
         "fbx" | "3ds" | "blend" => "convert it with Blender or `assimp export`",
         "step" | "stp" | "iges" | "igs" | "fcstd" => "convert it with FreeCAD (Mesh Design, Mesh from Shape)",
         "usd" | "usda" | "usdc" | "usdz" => "convert it with Blender or `usdcat` and a glTF exporter",
-        "3mf" | "vtk" | "vtu" => "convert it with `meshio convert`",
+        "vtk" | "vtu" => "convert it with `meshio convert`",
+        "vtp" => "convert it with ParaView (Save Data, STL)",
         "msh" => {
             "convert it, a mesh of Gmsh with `meshio convert` or an old one of MuJoCo with its msh2obj.py,"
         }

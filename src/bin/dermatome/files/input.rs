@@ -14,7 +14,7 @@ use dermatome::skin::{AssembleOptions, Draft, Remark, RemarkKind, Skin, assemble
 use glob::Pattern;
 
 use crate::console::errors::advise;
-use crate::console::notes::{first_names, note, note_count, note_remarks};
+use crate::console::notes::{first_names, note, note_remarks};
 use crate::files::outputs;
 use crate::options::{Common, InPath, PatchArgs, ReadArgs, RobotArgs, Spacing, Unit};
 
@@ -47,7 +47,7 @@ pub(crate) fn open_input(path: &Path) -> anyhow::Result<(&Path, Box<dyn Read + S
 }
 
 /// Kinds of files with triangles: those that are taken of a folder.
-const MESHES: [&str; 8] = ["glb", "gltf", "json", "obj", "off", "ply", "stl", "dae"];
+const MESHES: [&str; 9] = ["glb", "gltf", "json", "obj", "off", "ply", "stl", "dae", "3mf"];
 
 /// The files of a skin: those that are named, and the meshes of the folders that are named, by name.
 pub(crate) fn skin_files(named: &[InPath]) -> anyhow::Result<Vec<PathBuf>> {
@@ -90,10 +90,12 @@ pub(crate) fn read_good_patches(
     outputs::add_inputs(&draft.files, &common.outputs);
     chosen.keep_faces(&mut draft, read.spacing.is_some(), path)?;
     if read.outer {
-        let dropped = keep_outer(&mut draft);
-        note_count(common, dropped as u64, "faces", "inside the body, left out");
+        keep_outer(&mut draft).notes().iter().for_each(|what| note!(common, "{what}"));
         if draft.sheets.is_empty() {
-            return Err(advise(format!("{}: no face is outside", path.display()), "leave out --outer"));
+            return Err(advise(
+                format!("{}: no face can be seen from outside", path.display()),
+                "leave out --outer",
+            ));
         }
     }
     // Patches that are not taken may be faulty. A piece of a sheet has a name of its own once it is

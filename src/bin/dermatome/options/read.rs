@@ -32,15 +32,15 @@ pub(crate) struct ReadArgs {
     #[arg(long, value_parser = one_of(&SEAMS), value_name = "uv", hide_short_help = true)]
     seams: Option<Weld>,
     /// Drop faces with the same corners as an earlier one, split edges with more than two faces into
-    /// sheets, or drop the faces that cannot be split off, and cut surfaces with one side only open;
-    /// each is listed [default for .stl, .dae, .urdf and .xml]
+    /// sheets, and cut surfaces with one side only open;
+    /// each is listed [default for .stl, .dae, .3mf, .urdf and .xml]
     #[arg(long)]
     repair: bool,
     /// Direction of the outside of taxels without triangles, if the file has no normals: x, -x,
     /// y, -y, z, -z, or three numbers X,Y,Z
     #[arg(long, value_name = "DIR", value_parser = direction, allow_hyphen_values = true, hide_short_help = true)]
     outside: Option<DVec3>,
-    /// Keep what of each link can be touched: the outside of the shells of CAD
+    /// Keep what of each link can be seen from outside, and so be touched; faces that are partly seen are divided
     #[arg(long)]
     pub(crate) outer: bool,
     /// Mesh the surface anew with taxels this far apart, as 5mm: for CAD, whose triangles are no taxels. By the
@@ -74,7 +74,7 @@ impl ReadArgs {
     pub(crate) fn options(&self, paths: &[impl AsRef<Path>]) -> AssembleOptions {
         let weld = self.seams.or(self.weld).unwrap_or_default();
         let is_cad =
-            |path: &Path| matches!(file_kind(path).as_str(), "stl" | "dae" | "urdf" | "xml" | "mjcf");
+            |path: &Path| matches!(file_kind(path).as_str(), "stl" | "dae" | "3mf" | "urdf" | "xml" | "mjcf");
         let is_cad = paths.iter().any(|path| is_cad(path.as_ref()));
         let (gap, repair, outside) = (self.gap, self.repair || is_cad, self.outside);
         AssembleOptions { gap, weld, repair, outside, ..AssembleOptions::default() }
@@ -111,6 +111,8 @@ pub(crate) enum Unit {
     Mm,
     /// Centimetres
     Cm,
+    /// Decimetres
+    Dm,
     /// Inches
     In,
 }
@@ -122,6 +124,7 @@ impl Unit {
             Self::M => 1.0,
             Self::Mm => 1e-3,
             Self::Cm => 1e-2,
+            Self::Dm => 0.1,
             Self::In => 0.0254,
         }
     }

@@ -36,7 +36,7 @@ pub(crate) fn side_mm(text: &str) -> Result<f64, String> {
 }
 
 fn length_in(text: &str, bare: f64) -> Option<f64> {
-    let units = [("mm", 1e-3), ("cm", 1e-2), ("in", 0.0254), ("m", 1.0)];
+    let units = [("mm", 1e-3), ("cm", 1e-2), ("dm", 0.1), ("in", 0.0254), ("m", 1.0)];
     let known = units.iter().find_map(|(name, unit)| Some((text.strip_suffix(name)?, *unit)));
     let (number, unit) = known.unwrap_or((text, bare));
     number.trim_end().parse::<f64>().ok().filter(|x| !x.is_nan()).map(|x| unit * x)

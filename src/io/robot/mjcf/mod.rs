@@ -17,7 +17,7 @@ use crate::io::error::Result;
 use crate::io::file::Source;
 use crate::io::robot::mjcf::model::{Model, View};
 use crate::mesh::TriMesh;
-use crate::robot::{Geometry, Joint, JointKind, Robot, Role, Shape};
+use crate::robot::{Geometry, Joint, JointKind, Mimic, Robot, Role, Shape};
 use crate::skin::{Link, LinkId};
 
 /// Elements that make bodies which are not in the file.
@@ -39,8 +39,13 @@ struct Body<'m> {
 /// Reads the robot of a file whose first element is `<mujoco>`.
 pub(super) fn robot_of(source: &Source) -> Result<Robot> {
     let model = Model::read(source)?;
-    let mut reader =
-        MjcfReader { meshes: BTreeMap::new(), model: &model, robot: Robot::default(), names: HashSet::new() };
+    let mut reader = MjcfReader {
+        meshes: BTreeMap::new(),
+        model: &model,
+        robot: Robot::default(),
+        names: HashSet::new(),
+        references: Vec::new(),
+    };
     reader.robot.name = model.root().attribute("model").unwrap_or_default().to_owned();
     for asset in model.sections("asset") {
         for mesh in asset.children().filter(|view| view.tag() == "mesh") {
@@ -63,6 +68,11 @@ pub(super) fn robot_of(source: &Source) -> Result<Robot> {
     if reader.robot.links.len() == 1 && reader.robot.shapes.is_empty() {
         return Err(first.invalid("no <body>", "a model with bodies"));
     }
+    for equality in model.sections("equality") {
+        for view in equality.children().filter(|view| view.tag() == "joint") {
+            reader.couple(&view)?;
+        }
+    }
     Ok(reader.robot)
 }
 
@@ -72,6 +82,8 @@ struct MjcfReader<'m> {
     robot: Robot,
     /// Names of links and, after a slash, of joints.
     names: HashSet<String>,
+    /// The value of each joint in the pose of the file.
+    references: Vec<f64>,
 }
 
 impl<'m> MjcfReader<'m> {
@@ -102,7 +114,8 @@ impl<'m> MjcfReader<'m> {
         let joints: Vec<_> = members.iter().filter(is_joint).collect();
         let (mut parent, mut pose) = (body.parent, body.frame * self.model.pose(&body.view)?);
         for (k, (view, frame)) in joints.iter().enumerate() {
-            let (mut joint, back) = self.joint(view, *frame)?;
+            let (mut joint, reference) = self.joint(view, *frame)?;
+            let back = if joint.kind.has_value() { joint.moved(-reference) } else { DAffine3::IDENTITY };
             let own = view.attribute("name").map_or_else(|| format!("{name}.joint{}", k + 1), str::to_owned);
             joint.name = self.unique("/", own);
             let link = if k + 1 < joints.len() { format!("{name}/{}", joint.name) } else { name.clone() };
@@ -116,6 +129,7 @@ impl<'m> MjcfReader<'m> {
                 );
             }
             self.robot.joints.push(joint);
+            self.references.push(reference);
         }
         if let (false, Some(link)) = (joints.is_empty(), parent) {
             return Ok(link);
@@ -124,11 +138,12 @@ impl<'m> MjcfReader<'m> {
         let name = self.unique("/", format!("{name}.fixed"));
         let (kind, axis, anchor) = (JointKind::Fixed, DVec3::X, DVec3::ZERO);
         self.robot.joints.push(Joint { name, link, kind, axis, anchor, limits: None, mimic: None });
+        self.references.push(0.0);
         Ok(link)
     }
 
-    /// A joint, and its motion from the pose of the body in the file to the value 0.
-    fn joint(&self, view: &View<'m>, frame: DAffine3) -> Result<(Joint, DAffine3)> {
+    /// A joint, and its value in the pose of the file.
+    fn joint(&self, view: &View<'m>, frame: DAffine3) -> Result<(Joint, f64)> {
         let kind = match (view.tag(), view.get("type").unwrap_or("hinge")) {
             ("freejoint", _) | (_, "free") => JointKind::Floating,
             (_, "ball") => JointKind::Ball,
@@ -150,7 +165,7 @@ impl<'m> MjcfReader<'m> {
             mimic: None,
         };
         if !kind.has_value() {
-            return Ok((joint, DAffine3::IDENTITY));
+            return Ok((joint, 0.0));
         }
         let unit = if kind == JointKind::Prismatic { 1.0 } else { self.model.angle };
         let range = view.numbers::<2>("range")?.map(|range| range.map(|x| x * unit));
@@ -163,9 +178,57 @@ impl<'m> MjcfReader<'m> {
         if kind == JointKind::Continuous && joint.limits.is_some() {
             joint.kind = JointKind::Revolute;
         }
-        let reference = view.number("ref")?.unwrap_or(0.0) * unit;
-        let back = joint.moved(-reference);
-        Ok((joint, back))
+        Ok((joint, view.number("ref")?.unwrap_or(0.0) * unit))
+    }
+
+    /// Lets a joint follow another as an equality says: `y - y0` is a polynomial of `x - x0`, with values in the pose of the file
+    /// `y0` and `x0`. One that is not linear is not followed, with a remark.
+    fn couple(&mut self, view: &View<'m>) -> Result<()> {
+        if view.attribute("active") == Some("false") {
+            return Ok(());
+        }
+        let find = |name: &str| {
+            let named =
+                view.attribute(name).map(|name| self.robot.joints.iter().position(|j| j.name == name));
+            let unknown = || view.invalid(format!("{name} of no joint"), "the name of a joint");
+            named.map(|joint| joint.ok_or_else(unknown)).transpose()
+        };
+        let unnamed = || view.invalid("no joint1", "the name of a joint");
+        let (joint, leader) = (find("joint1")?.ok_or_else(unnamed)?, find("joint2")?);
+        let mut polynomial = [0.0, 1.0, 0.0, 0.0, 0.0];
+        for (own, x) in polynomial.iter_mut().zip(view.list("polycoef")?) {
+            *own = x;
+        }
+        let [start, multiplier, rest @ ..] = polynomial;
+        let why = match leader {
+            None => Some("it keeps one value"),
+            Some(_) if rest != [0.0; 3] => Some("it is not linear"),
+            Some(_) if self.robot.joints[joint].mimic.is_some() => Some("it follows another joint already"),
+            Some(leader) if self.leads(joint, leader) => Some("it would follow itself"),
+            Some(leader) => {
+                let offset = self.references[joint] + start - multiplier * self.references[leader];
+                self.robot.joints[joint].mimic = Some(Mimic { joint: leader, multiplier, offset });
+                None
+            }
+        };
+        if let Some(why) = why {
+            let (name, link) = (self.robot.joints[joint].name.clone(), self.robot.joints[joint].link);
+            let line = view.line();
+            let what = format!("the <equality> of line {line} of the joint {name} is not followed: {why}");
+            self.robot.pass_over(link, what);
+        }
+        Ok(())
+    }
+
+    /// Whether a joint follows another, or is that one.
+    fn leads(&self, leader: usize, mut joint: usize) -> bool {
+        while joint != leader {
+            match &self.robot.joints[joint].mimic {
+                Some(mimic) => joint = mimic.joint,
+                None => return false,
+            }
+        }
+        true
     }
 
     /// Adds the geoms of a body; returns the bodies in it.

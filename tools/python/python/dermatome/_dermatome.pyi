@@ -62,7 +62,7 @@ __all__ = [
 __version__: str
 
 _Path = str | os.PathLike[str]
-_Unit = Literal["m", "mm", "cm", "in"] | float
+_Unit = Literal["m", "mm", "cm", "dm", "in"] | float
 _Weld = Literal["auto", "all", "none", "texture"]
 _Method = Literal["intrinsic", "conformal", "linear"]
 _Energy = Literal["sum", "symmetric-dirichlet"]
