@@ -13,7 +13,7 @@ pub enum Layer {
     Strain,
     /// Where the sheet is cut: rims.
     Cut,
-    /// Where the sheet is cut and joined again, with the marks of both banks.
+    /// Where the sheet is cut and joined again: the two banks of each seam.
     Seam,
     /// Outlines of modules.
     Module,
@@ -21,7 +21,7 @@ pub enum Layer {
     Taxel,
     /// Wires from module to module.
     Chain,
-    /// Names, numbers, the bar of 50 mm.
+    /// What is read and never cut: names, ticks of seams, the bar of 50 mm.
     Text,
 }
 

@@ -39,8 +39,8 @@ pub(super) fn open(size: DVec2, title: &str) -> String {
 /// Writes shapes layer by layer; y = 0 of the drawing is `height` below the top.
 pub(super) fn write_layers(svg: &mut String, shapes: &[Shape], height: f64) {
     for &layer in Layer::VARIANTS {
-        let mut shapes = shapes.iter().filter(|shape| shape.layer() == layer).peekable();
-        if shapes.peek().is_some() {
+        let shapes: Vec<_> = shapes.iter().filter(|shape| shape.layer() == layer).collect();
+        if !shapes.is_empty() {
             let name: &str = layer.into();
             // Writing to a string cannot fail.
             let _ = writeln!(
@@ -49,7 +49,8 @@ pub(super) fn write_layers(svg: &mut String, shapes: &[Shape], height: f64) {
                  stroke=\"{}\" stroke-width=\"0.15\">",
                 colour(layer)
             );
-            shapes.for_each(|shape| write_shape(svg, shape, height));
+            let is_one_area = |a: &&Shape, b: &&Shape| fill(a).is_some() && fill(a) == fill(b);
+            shapes.chunk_by(is_one_area).for_each(|same| write_one(svg, same, height));
             svg.push_str("</g>\n");
         }
     }
@@ -66,7 +67,19 @@ fn colour(layer: Layer) -> &'static str {
     }
 }
 
-fn write_shape(svg: &mut String, shape: &Shape, height: f64) {
+/// Writes shapes of one layer without its group.
+pub(super) fn write_shapes(svg: &mut String, shapes: &[Shape], height: f64) {
+    shapes.iter().for_each(|shape| write_one(svg, &[shape], height));
+}
+
+/// The colour of an area.
+fn fill(shape: &Shape) -> Option<[u8; 3]> {
+    if let Shape::Fill { colour, .. } = shape { Some(*colour) } else { None }
+}
+
+/// Writes one shape, or areas of one colour as one element, which keeps files small.
+fn write_one(svg: &mut String, shapes: &[&Shape], height: f64) {
+    let Some(&shape) = shapes.first() else { return };
     let place = |p: DVec2| [p.x, height - p.y].map(decimal).join(" ");
     let path = |points: &[DVec2]| points.iter().map(|&p| place(p)).collect::<Vec<_>>().join("L");
     // Writing to a string cannot fail.
@@ -74,14 +87,15 @@ fn write_shape(svg: &mut String, shape: &Shape, height: f64) {
         Shape::Polyline { points, is_closed, .. } => {
             writeln!(svg, "<path d=\"M{}{}\"/>", path(points), if *is_closed { "Z" } else { "" })
         }
-        Shape::Fill { points, colour: [r, g, b] } => {
+        Shape::Fill { colour: [r, g, b], .. } => {
+            let area = |shape: &&Shape| match shape {
+                Shape::Fill { points, .. } => format!("M{}Z", path(points)),
+                _ => String::new(),
+            };
             // A line of its own colour closes the gap to the next area, which a viewer would show.
-            let colour = format!("#{r:02x}{g:02x}{b:02x}");
-            writeln!(
-                svg,
-                "<path d=\"M{}Z\" fill=\"{colour}\" stroke=\"{colour}\" stroke-width=\"0.05\"/>",
-                path(points)
-            )
+            let (areas, colour): (String, _) =
+                (shapes.iter().map(area).collect(), format!("#{r:02x}{g:02x}{b:02x}"));
+            writeln!(svg, "<path d=\"{areas}\" fill=\"{colour}\" stroke=\"{colour}\" stroke-width=\"0.05\"/>")
         }
         Shape::Point { at, id, .. } => {
             let [x, y] = [at.x, height - at.y].map(decimal);
