@@ -129,8 +129,9 @@ fn panel(
     ];
     let mut at = low;
     for (height, text) in lines {
-        at.y -= 1.7 * height;
+        at.y -= 0.9 * height;
         shapes.push(Shape::Text { layer: Layer::Text, at, height, turn: 0.0, anchor: Anchor::Start, text });
+        at.y -= 0.9 * height;
     }
     Ok(shapes)
 }
