@@ -48,6 +48,9 @@ pub enum Error {
     #[cfg(feature = "plot")]
     #[error(transparent)]
     Plot(#[from] crate::plot::PlotError),
+    #[cfg(feature = "plot")]
+    #[error(transparent)]
+    Pattern(#[from] crate::pattern::PatternError),
     /// Any of these errors, in one patch of a skin.
     #[error("patch {patch:?}: {source}")]
     Patch { patch: String, source: Box<Error> },
@@ -123,6 +126,8 @@ kinds!(
     Io(crate::io::IoError),
     #[cfg(feature = "plot")]
     Plot(crate::plot::PlotError),
+    #[cfg(feature = "plot")]
+    Pattern(crate::pattern::PatternError),
 );
 
 #[cfg(test)]

@@ -54,6 +54,8 @@ pub mod contact;
 pub mod io;
 #[cfg(feature = "plot")]
 pub mod plot;
+#[cfg(feature = "plot")]
+pub mod pattern;
 pub mod report;
 mod error;
 pub mod recording;

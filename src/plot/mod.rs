@@ -31,8 +31,10 @@ mod plot_signals;
 
 use crate::pyramid::LevelId;
 
+pub(crate) use colour::DIVERGING;
 pub use error::PlotError;
 pub use image_png::{ImageOptions, image_png, value_colour};
+pub(crate) use layout::{number, printable};
 pub use picture::Picture;
 pub use plot_diff::plot_diff;
 pub use plot_frame::{FramePlotter, plot_frame};

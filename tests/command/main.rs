@@ -21,6 +21,7 @@ mod lookup;
 mod maps;
 mod order;
 mod outputs;
+mod patterns;
 mod reading;
 mod readme;
 mod regions;

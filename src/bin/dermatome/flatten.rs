@@ -1,11 +1,13 @@
 //! `flatten`: one mesh to the plane, as level 0 of a `build`.
 
+use std::path::Path;
 use std::process::ExitCode;
 
 use anyhow::Context;
 use dermatome::Error;
-use dermatome::io::write_flat;
+use dermatome::io::{IoError, write_flat};
 use dermatome::mesh::FillHoles;
+use dermatome::pattern::{Sheet, draw_pattern};
 use dermatome::pipeline::{BuildOptions, build_finest};
 use dermatome::pyramid::LevelId;
 use dermatome::report::measure;
@@ -18,6 +20,7 @@ use crate::console::print::{print_json, print_levels};
 use crate::console::progress;
 use crate::files::input::read_skin;
 use crate::files::outputs;
+use crate::files::patterns::{check_sheet, pattern_kind, sheet, write_pattern};
 use crate::options::{AcuityArgs, Common, FlattenArgs, InPath, OutFile, PatchArgs, ReadArgs};
 
 /// Arguments of `flatten`.
@@ -27,9 +30,14 @@ pub(crate) struct Args {
     /// .txt, with one connected sheet
     mesh: InPath,
     /// Output file: .obj with texture coordinates, or .npz with V, F and UV in f64; where the mesh is
-    /// cut, V has the vertices of the seam once for each of their places; may be given twice
+    /// cut, V has the vertices of the seam once for each of their places; .svg or .dxf: the pattern at 1:1, to
+    /// print or cut; may be given more than once
     #[arg(short, long, value_name = "OUT", required = true)]
     output: Vec<OutFile>,
+    /// Write the pattern OUT.svg on sheets of paper with crosses to join them, as OUT-1.svg, OUT-2.svg, ...:
+    /// A4, A3, or width and height in mm
+    #[arg(long, value_name = "A4|A3|W,H", value_parser = sheet)]
+    sheet: Option<Sheet>,
     #[command(flatten)]
     flatten: FlattenArgs,
     #[command(flatten)]
@@ -44,6 +52,8 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
+    args.output.iter().try_for_each(|path| check_kind(path))?;
+    check_sheet(args.sheet, args.output.iter().map(|path| &**path))?;
     args.flatten.options()?;
     let assemble = AssembleOptions { fill_holes: FillHoles::PinHoles, ..args.read.options(&[&args.mesh]) };
     let mut skin = read_skin(&args.mesh, &args.read, &args.chosen, &assemble, common)?;
@@ -79,8 +89,14 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     // What closes pin-holes is no skin.
     let skin_faces = mesh.triangles.len() - patch.filled;
     mesh.triangles = mesh.triangles.into_iter().take(skin_faces).collect();
-    for path in &args.output {
+    let (patterns, flat): (Vec<_>, Vec<_>) =
+        args.output.iter().partition(|path| pattern_kind(path).is_some());
+    for path in flat {
         write_flat(common.outputs.file(path), &mesh, &finest.opened_uv()).map_err(Error::from)?;
+    }
+    if !patterns.is_empty() {
+        let drawing = draw_pattern(map, &[]).map_err(Error::from)?;
+        patterns.iter().try_for_each(|path| write_pattern(path, &drawing, args.sheet, common))?;
     }
     outputs::publish(common)?;
     let report = measure(map);
@@ -94,4 +110,12 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         print_levels(&report)?;
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Refuses, before any work, a file of unknown kind.
+fn check_kind(path: &Path) -> Result<(), Error> {
+    match outputs::kind(path).as_str() {
+        "obj" | "npz" | "svg" | "dxf" => Ok(()),
+        _ => Err(IoError::UnknownKind { path: path.to_owned(), known: "obj, npz, svg, dxf" }.into()),
+    }
 }

@@ -70,7 +70,14 @@ const ENDS: [(&str, &str, &[&str]); 22] = [
             "dermatome export arm/map.glb -o arm/arm_with_skin.urdf --robot meshes/arm.urdf",
         ],
     ),
-    ("flatten", OF_MAPS, &["dermatome flatten meshes/saddle.glb -o saddle.obj -o saddle.npz"]),
+    (
+        "flatten",
+        OF_MAPS,
+        &[
+            "dermatome flatten meshes/saddle.glb -o saddle.obj -o saddle.npz",
+            "dermatome flatten meshes/forearm.glb -o pattern.dxf -o pattern.svg --sheet A4",
+        ],
+    ),
     ("info", OF_PATCHES, &["dermatome info meshes/robot.glb", "dermatome info meshes/arm.urdf"]),
     (
         "layout",

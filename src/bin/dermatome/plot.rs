@@ -8,6 +8,7 @@ use std::sync::Arc;
 use dermatome::Error;
 use dermatome::io::IoError;
 use dermatome::map::SkinMap;
+use dermatome::pattern::{Sheet, draw_pattern, write_svg};
 use dermatome::plot::{
     Paint, Picture, PlotOptions, Viewpoint, plot_frame, plot_map, plot_signals, plot_skin,
 };
@@ -21,6 +22,7 @@ use crate::console::notes::note;
 use crate::console::print::print;
 use crate::files::input::{read_map_if_any, read_skin, select_patches};
 use crate::files::outputs::{self, is_stream};
+use crate::files::patterns::{check_sheet, pattern_kind, sheet, write_pattern};
 use crate::files::pictures::{picture_kind, write_picture};
 use crate::options::{
     Choice, Common, InPath, OutFile, PatchArgs, ReadArgs, RegionsArgs, number, numbers, one_of, pattern,
@@ -34,7 +36,8 @@ pub(crate) struct Args {
     /// The map, written by `dermatome build`; or a skin without a map, which is drawn in space
     #[arg(value_name = "MAP.glb")]
     map: InPath,
-    /// Output file: .svg or .png; `-`: SVG on standard output; may be given more than once
+    /// Output file: .svg or .png, with --pattern .svg or .dxf; `-`: SVG on standard output; may be given more than
+    /// once
     #[arg(short, long = "output", required = true, value_name = "OUT")]
     outputs: Vec<OutFile>,
     /// Draw the patches of this name only, in which * and ? stand for any characters; may be given more
@@ -62,6 +65,14 @@ pub(crate) struct Args {
     /// --readings in the unit of the channel, of a force per m^2 [default: those of what is drawn]
     #[arg(long, value_name = "LOW,HIGH", value_parser = range, allow_hyphen_values = true)]
     range: Option<[f64; 2]>,
+    /// Draw the pattern of level 0 at 1:1, to print or cut: rims, seams with ticks on both banks, taxels with ids,
+    /// strain as colour, and a bar of 50 mm
+    #[arg(long, conflicts_with_all = ["levels", "show", "space", "view", "unfold", "range", "width", "sources", "readings"])]
+    pattern: bool,
+    /// Write the pattern OUT.svg on sheets of paper with crosses to join them, as OUT-1.svg, OUT-2.svg, ...:
+    /// A4, A3, or width and height in mm
+    #[arg(long, value_name = "A4|A3|W,H", value_parser = sheet, requires = "pattern")]
+    sheet: Option<Sheet>,
     /// Width of the picture, in pixels
     #[arg(long, value_name = "PX", default_value_t = PlotOptions::default().width_px, hide_short_help = true)]
     width: u32,
@@ -104,6 +115,9 @@ const SHOWN: [Choice<Paint>; 5] = [
 ];
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
+    if args.pattern {
+        return plot_pattern(args, common);
+    }
     args.outputs.iter().try_for_each(|path| picture_kind(path).map(|_| ()))?;
     let mut options = PlotOptions {
         patches: Vec::new(),
@@ -145,6 +159,28 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     outputs::publish(common)?;
     if args.outputs.iter().any(|path| is_stream(path)) {
         print(&picture.to_svg())?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Writes the pattern of a map.
+fn plot_pattern(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
+    let unknown = |path: &Path| IoError::UnknownKind { path: path.to_owned(), known: ".svg, .dxf" };
+    if let Some(path) = args.outputs.iter().find(|path| pattern_kind(path).is_none()) {
+        return Err(Error::from(unknown(path)).into());
+    }
+    check_sheet(args.sheet, args.outputs.iter().map(|path| &**path))?;
+    let map = read_map_if_any(&args.map)?
+        .ok_or_else(|| Error::from(IoError::NoMap { path: (&args.map).into() }))?;
+    let names = map.patches.iter().map(|patch| patch.name.clone()).collect();
+    let chosen = select_patches(&args.map, names, &args.patches, |name: &String| name)?;
+    let drawing = draw_pattern(&map, &chosen).map_err(Error::from)?;
+    for path in args.outputs.iter().filter(|path| !is_stream(path)) {
+        write_pattern(path, &drawing, args.sheet, common)?;
+    }
+    outputs::publish(common)?;
+    if args.outputs.iter().any(|path| is_stream(path)) {
+        print(&write_svg(&drawing, "pattern"))?;
     }
     Ok(ExitCode::SUCCESS)
 }

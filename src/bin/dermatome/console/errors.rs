@@ -15,6 +15,7 @@ use dermatome::flatten::FlattenError;
 use dermatome::image::ImageError;
 use dermatome::io::{Feature, IoError, file_kind};
 use dermatome::map::MapError;
+use dermatome::pattern::PatternError;
 use dermatome::plot::PlotError;
 use dermatome::response::ResponseError;
 use dermatome::signal::{OrderError, SignalError};
@@ -294,6 +295,13 @@ fn option_help(error: &Error) -> &'static str {
                 "choose another --width, or draw fewer patches and levels"
             }
             PlotError::Skin(_) => CORRECT,
+            _ => BUILD_AGAIN,
+        },
+        Error::Pattern(e) => match e {
+            PatternError::Sheet { .. } => "give --sheet A4, A3, or width and height of the paper in mm",
+            PatternError::TooManySheets { .. } => {
+                "take larger sheets or leave out --sheet, draw fewer patches with --patch, or state the unit of the file (--unit)"
+            }
             _ => BUILD_AGAIN,
         },
         Error::Map(

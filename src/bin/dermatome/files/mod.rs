@@ -3,6 +3,7 @@
 pub(crate) mod input;
 pub(crate) mod outputs;
 pub(crate) mod paths;
+pub(crate) mod patterns;
 pub(crate) mod pictures;
 #[cfg(unix)]
 pub(crate) mod signals;
