@@ -5,6 +5,7 @@
 //! recording, or by a gap, is no step, and neither is what never reaches [`LEAST`] of the largest force of its group.
 
 use crate::signal::Tick;
+use crate::signal::clock::SAME_S;
 use crate::signal::summary::load::Load;
 use crate::signal::summary::totals::{Kept, Totals};
 
@@ -99,7 +100,7 @@ impl OfGroup {
             match &open.ended {
                 _ if is_loaded => open.ended = None,
                 None => open.ended = Some((open.totals.clone(), time)),
-                Some((_, since)) if time - since >= PAUSE_S => self.end(),
+                Some((_, since)) if time - since >= PAUSE_S - SAME_S => self.end(),
                 Some(_) => {}
             }
         } else if is_loaded {
