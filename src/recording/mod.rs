@@ -207,8 +207,17 @@ impl Recording {
     /// step waits for the frames that it is estimated from.
     ///
     /// # Errors
-    /// If an option is not usable, or there is no such channel.
+    /// If an option is not usable, there is no such channel, or it does not measure touches.
     pub fn follow_contacts(&mut self, options: &TrackerOptions) -> Result<(), SignalError> {
+        match self.channels().get(options.channel) {
+            Some(channel) if !channel.kind.is_of_touch() => {
+                Err(SignalError::NoTouch { known: vec![channel.name.clone()] })
+            }
+            _ => self.track(options),
+        }
+    }
+
+    fn track(&mut self, options: &TrackerOptions) -> Result<(), SignalError> {
         let channels = self.channels();
         let channel = channels.get(options.channel).ok_or_else(|| SignalError::NoChannel {
             name: options.channel.to_string(),
@@ -221,9 +230,9 @@ impl Recording {
     /// Adds up the readings of the channel of these options, and its contacts, which it [follows](Self::follow_contacts).
     ///
     /// # Errors
-    /// As [`Self::follow_contacts`].
+    /// As [`Self::follow_contacts`], but that a channel of something else has sums, too, unless a threshold is given.
     pub fn summarise(&mut self, options: &TrackerOptions) -> Result<(), SignalError> {
-        self.follow_contacts(options)?;
+        self.track(options)?;
         self.summary = Some(Summary::new(&self.map, &self.channels()[options.channel]));
         Ok(())
     }
