@@ -205,7 +205,7 @@ fn what_is_not_known_is_empty() {
     assert_eq!(totals(&recording, Group::Region(0.into())).peak, None);
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("sums.csv");
-    write_summary(&path, &map, recording.summary().unwrap()).unwrap();
+    write_summary(&path, &map, &recording.summaries()).unwrap();
     let text = std::fs::read_to_string(&path).unwrap();
     let rows: Vec<Vec<&str>> = text.lines().map(|line| line.split(',').collect()).collect();
     assert_eq!(rows.len(), 6, "names, whole, link, patch, region and contact");

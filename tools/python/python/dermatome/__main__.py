@@ -3,21 +3,21 @@
 import sys
 
 from dermatome._dermatome import run_command
+from dermatome.recordings.command import draft, opened
 
 
 def main() -> int:
     """Run the command with the arguments of this process, and return its exit code.
 
-    `render` and `layout` of Zarr, LeRobot, HDF5 and bags are done here: the command reads what this gives it.
+    Zarr, LeRobot, HDF5 and bags are read here, and so are drafts of their layouts.
     """
     args = sys.argv[1:]
-    if "render" in args or "layout" in args:
-        from dermatome.recordings.command import run
-
-        code = run(args)
+    words = [k for k, each in enumerate(args) if not each.startswith("-")]
+    if words and args[words[0]] == "layout":
+        code = draft(args[words[0] + 1 :])
         if code is not None:
             return code
-    return run_command(["dermatome", *args])
+    return run_command(["dermatome", *args], opened)
 
 
 if __name__ == "__main__":
