@@ -318,34 +318,29 @@ def test_the_command_draws_a_container(tmp_path):
 
 
 def test_the_border_of_an_episode_resets_everything(tmp_path):
-    """Every command reads a container, and its episodes together are what each is by itself."""
+    """Every command reads a container, and its episodes together are what each is by itself, also where one ends in contact."""
     h5py = pytest.importorskip("h5py")
     map = dermatome.build(dermatome.Skin.from_arrays([[0.004 * c, 0.004 * r, 0] for r in range(9) for c in range(16)]))
     map.write(tmp_path / "map.glb")
     rng = np.random.default_rng(3)
     with h5py.File(tmp_path / "two.h5", "w") as file:
-        for number, pressed in enumerate((slice(40, 80), slice(0, 25))):
+        for number, pressed in enumerate((slice(70, 100), slice(30, 60))):
             values = np.round(rng.normal(0, 0.02, (100, 144)), 4) + 5 * number
             values[pressed, 60:64] += 2
             group = file.create_group(f"data/demo_{number}")
             group["tactile"], group["timestamps"] = values, np.arange(100) / 20
     channel = {"name": "force", "unit": "N"}
     stated = {"axes": ["frame", "taxel"], "time": {"stream": "timestamps", "unit": "s"}, "stream": "data/demo_*/tactile"}
-    about = {"dermatome_layout": 1, **stated, "channels": [channel], "press": "raises", "zero": 0, "taxels": {"shape": [144], "first_id": 0}}
+    about = {"dermatome_layout": 1, **stated, "channels": [channel], "press": "raises", "zero": 0, "taxels": {"shape": [144], "first_id": 1}}
     (tmp_path / "l.json").write_text(json.dumps(about))
 
-    def command(*args, code=0):
-        line = [sys.executable, "-m", "dermatome", *map_of(args)]
+    def command(*args, codes=(0,)):
+        line = [sys.executable, "-m", "dermatome", *(str(each) for each in args)]
         said = subprocess.run(line, capture_output=True, text=True, cwd=tmp_path)
-        assert said.returncode == code, said.stderr
-        return said
-
-    def map_of(args):
-        return [str(each) for each in args]
+        assert said.returncode in codes, said.stderr
+        return said.stdout + said.stderr
 
     def rows(name):
-        import csv
-
         with open(tmp_path / name, newline="") as file:
             return list(csv.DictReader(file))
 
@@ -363,11 +358,12 @@ def test_the_border_of_an_episode_resets_everything(tmp_path):
         plain = [{key: str(value) for key, value in row.items() if key != "frame"} for row in numbered]
         assert [{key: str(value) for key, value in row.items() if key != "frame"} for row in all_of_it] == plain
     assert "gap" not in [event["event"] for event in made[None][3]]
-    assert "--episode" in command("report", *given, "-o", "r.html", code=2).stderr
+    assert "--episode" in command("report", *given, "-o", "r.html", codes=(2,))
     command("report", *given, "--episode", 1, "-o", "r.html")
     command("plot", "map.glb", "--readings", "two.h5", "--layout", "l.json", "--frame", 50, "-o", "p.svg")
-    assert "2 recordings" in command("check", "map.glb", "--recording", "two.h5", "--layout", "l.json").stdout
-    assert "cannot read two.h5" in command("summary", *given, "--episode", 7, "-o", "s.csv", code=2).stderr
+    # Whether taxels are accused is another matter.
+    assert "2 recordings" in command("check", "map.glb", "--recording", "two.h5", "--layout", "l.json", codes=(0, 1))
+    assert "cannot read two.h5" in command("summary", *given, "--episode", 7, "-o", "s.csv", codes=(2,))
 
 
 @samples

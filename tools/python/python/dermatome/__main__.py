@@ -1,9 +1,9 @@
 """The command: `python -m dermatome`."""
 
 import sys
+from typing import Any
 
 from dermatome._dermatome import run_command
-from dermatome.recordings.command import draft, opened
 
 
 def main() -> int:
@@ -14,10 +14,19 @@ def main() -> int:
     args = sys.argv[1:]
     words = [k for k, each in enumerate(args) if not each.startswith("-")]
     if words and args[words[0]] == "layout":
+        from dermatome.recordings.command import draft
+
         code = draft(args[words[0] + 1 :])
         if code is not None:
             return code
-    return run_command(["dermatome", *args], opened)
+    return run_command(["dermatome", *args], _opened)
+
+
+def _opened(*asked: Any) -> Any:
+    # Most commands read no recording, and start without what reads them.
+    from dermatome.recordings.command import opened
+
+    return opened(*asked)
 
 
 if __name__ == "__main__":
