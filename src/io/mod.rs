@@ -86,7 +86,12 @@ pub use observations::{
     TouchStream, builder::ObservationRemark, observations_from_stream, observations_to_stream,
     read_observations, touches_from_stream, write_observations,
 };
-pub use readings::{ReadOptions, Readings, ReadingsReader, arrays::ReadingsLayout, writer::ReadingsWriter};
+pub use readings::{
+    ReadOptions, ReadingsReader,
+    arrays::ReadingsLayout,
+    blocks::{Block, Readings},
+    writer::ReadingsWriter,
+};
 #[cfg(feature = "robots")]
 pub use robot::{Packages, RobotSurface, read_robot, robot_draft};
 pub use table::TableRows;
@@ -111,7 +116,8 @@ pub use table::regions::read_regions;
 pub use table::response::{read_response, write_response};
 pub use table::series::{Series, read_series};
 pub use table::summary::{
-    LoadWriter, SummaryCell, SummaryRow, summary_rows, summary_step_rows, write_summary, write_summary_steps,
+    EpisodeSummary, LoadWriter, SummaryCell, SummaryRow, summary_rows, summary_step_rows, write_summary,
+    write_summary_steps,
 };
 pub use table::touch_log::{
     TouchRows, read_touches, touches_from_bytes, write_touch_contacts, write_touch_log,

@@ -64,8 +64,14 @@ pub fn examine<E: From<Error> + From<SignalError>>(
                 Some(health) => health,
                 None => health.insert(Health::new(map, options)?),
             };
-            health.begin_recording(channel, recording.has_readings());
+            let has_readings: Vec<bool> = recording.has_readings().collect();
+            health.begin_recording(channel, has_readings.iter().copied());
+            let mut episode = None;
             while let Some(step) = recording.next_step()? {
+                if episode.replace(step.episode).is_some_and(|last| last != step.episode) {
+                    health.end_recording();
+                    health.begin_recording(channel, has_readings.iter().copied());
+                }
                 health.see(step.frame);
             }
             health.end_recording();

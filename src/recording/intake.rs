@@ -7,13 +7,17 @@ use crate::io::{ReadingsReader, Statement, StatementSource};
 use crate::map::SkinMap;
 use crate::recording::options::{Fill, FrameRange, RecordingOptions, RecordingReport};
 use crate::signal::{
-    Channel, Clock, Conditioner, Filler, Frame, Join, Rest, SignalError, Stage, Zero, main_channel,
+    Channel, Clock, ConditionOptions, ConditionReport, Conditioner, Filler, Frame, Join, Rest, SignalError,
+    Stage, Zero, main_channel,
 };
 
 pub(super) struct Intake {
     reader: ReadingsReader,
     join: Join,
     conditioner: Conditioner,
+    /// Its options, for the next episode, and what it did in those before.
+    condition: ConditionOptions,
+    before: ConditionReport,
     filler: Option<Filler>,
     range: FrameRange,
     /// What readings are at rest, and the threshold that is stated, in the channel that it is of.
@@ -30,6 +34,11 @@ pub(super) struct Intake {
     kept: VecDeque<Frame>,
     has_learned: bool,
     clock: Clock,
+    /// The episode of the frames, and how many of it were read.
+    episode: u64,
+    of_episode: usize,
+    /// The time of the first frame of the next episode, whose readings are `values`.
+    ahead: Option<f64>,
     /// Number of the next frame.
     next: usize,
     report: RecordingReport,
@@ -76,6 +85,9 @@ impl Intake {
             kept: VecDeque::new(),
             has_learned: false,
             clock: Clock::new(),
+            episode: 0,
+            of_episode: 0,
+            ahead: None,
             next: 0,
             report: RecordingReport {
                 channels: reader.channels.len(),
@@ -87,6 +99,8 @@ impl Intake {
             reader,
             join,
             conditioner,
+            condition: options.condition.clone(),
+            before: ConditionReport::default(),
         })
     }
 
@@ -153,13 +167,42 @@ impl Intake {
     pub(super) fn report(&self) -> RecordingReport {
         RecordingReport {
             interval: self.clock.usual(),
-            condition: self.conditioner.report().clone(),
+            condition: self.conditioner.report().after(&self.before),
             ..self.report.clone()
         }
     }
 
-    /// The next frame that is wanted, and its number.
-    pub(super) fn next_frame(&mut self) -> Result<Option<(usize, &Frame)>, Error> {
+    /// How many episodes are read, and the one of the frame that was passed on last.
+    pub(super) fn episodes(&self) -> u64 {
+        self.reader.episodes()
+    }
+
+    pub(super) fn episode(&self) -> u64 {
+        self.episode
+    }
+
+    /// The frame that was passed on last.
+    pub(super) fn latest(&self) -> &Frame {
+        self.filler.as_ref().map_or(self.conditioner.latest(), Filler::latest)
+    }
+
+    /// Goes on to the next episode, if there is one: nothing is known of it from those before.
+    pub(super) fn begin_episode(&mut self, map: &SkinMap) -> Result<bool, Error> {
+        let Some(time) = self.ahead.take() else { return Ok(false) };
+        self.before = self.conditioner.report().after(&self.before);
+        self.conditioner = Conditioner::new(map, &self.reader.channels, &self.condition)?;
+        if let Some(filler) = &mut self.filler {
+            *filler = Filler::new(map, self.conditioner.channels().len());
+        }
+        (self.clock, self.has_learned) = (Clock::new(), false);
+        (self.episode, self.of_episode) = (self.reader.episode(), 0);
+        self.take(time);
+        self.kept.push_back(self.frame.clone());
+        Ok(true)
+    }
+
+    /// Goes on to the next frame of the episode that is wanted; returns its number.
+    pub(super) fn advance(&mut self) -> Result<Option<usize>, Error> {
         if !self.has_learned {
             self.learn()?;
         }
@@ -180,13 +223,16 @@ impl Intake {
         }
         self.report.frames += 1;
         let frame = self.conditioner.apply(&self.frame);
-        let frame = self.filler.as_mut().map_or(frame, |filler| filler.apply(frame));
-        Ok(Some((self.next - 1, frame)))
+        if let Some(filler) = &mut self.filler {
+            filler.apply(frame);
+        }
+        Ok(Some(self.next - 1))
     }
 
     /// Keeps the first frames until the stages have learned from them.
     fn learn(&mut self) -> Result<(), Error> {
         let count = self.conditioner.frames_to_learn();
+        self.kept.iter().for_each(|frame| self.conditioner.learn(frame));
         while self.kept.len() < count && self.read()? {
             self.conditioner.learn(&self.frame);
             self.kept.push_back(self.frame.clone());
@@ -198,18 +244,28 @@ impl Intake {
         Ok(())
     }
 
-    /// Reads the next frame; false after the last one.
+    /// Reads the next frame; false after the last one of the episode.
     fn read(&mut self) -> Result<bool, Error> {
-        if !self.reader.read(&mut self.values, &mut self.frame.time)? {
+        let mut time = f64::NAN;
+        if self.ahead.is_some() || !self.reader.read(&mut self.values, &mut time)? {
             return Ok(false);
         }
-        if let Some(rate) = self.rate_hz {
-            self.frame.time = self.report.read as f64 / rate;
+        if self.report.read > 0 && self.reader.episode() != self.episode {
+            self.ahead = Some(time);
+            return Ok(false);
         }
+        self.episode = self.reader.episode();
+        self.take(time);
+        Ok(true)
+    }
+
+    /// Takes the frame of `values`.
+    fn take(&mut self, time: f64) {
+        self.frame.time = self.rate_hz.map_or(time, |rate| self.of_episode as f64 / rate);
         self.clock.see(self.frame.time);
+        self.of_episode += 1;
         self.report.read += 1;
         self.report.missing += self.join.fill(&self.values, &mut self.frame);
-        Ok(true)
     }
 }
 

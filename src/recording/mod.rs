@@ -49,6 +49,8 @@ pub use respond::{Reference, ResponseReport, respond};
 pub struct Step<'r> {
     /// Its number in the recording, from 0 on.
     pub number: usize,
+    /// The number of its episode. With the first frame of another one everything begins anew: zeros, thresholds, contacts.
+    pub episode: u64,
     /// The readings of the taxels.
     pub frame: &'r Frame,
     /// The values of every level, if they are [carried](Recording::carry).
@@ -91,7 +93,13 @@ pub struct Recording {
     levels: Option<Levels>,
     renderer: Option<Renderer>,
     tracker: Option<ContactTracker>,
+    /// Its options, for the next episode.
+    touch: TrackerOptions,
     summary: Option<Summary>,
+    /// The sums of episodes that have ended, and what was not as it should be in them.
+    ended: Vec<(u64, Summary)>,
+    remarks: Vec<String>,
+    at_once: Option<usize>,
     /// The first frames and their numbers, from which the tracker has learned.
     kept: VecDeque<(usize, Frame)>,
     has_learned: bool,
@@ -118,7 +126,11 @@ impl Recording {
             levels: None,
             renderer: None,
             tracker: None,
+            touch: TrackerOptions::default(),
             summary: None,
+            ended: Vec::new(),
+            remarks: Vec::new(),
+            at_once: None,
             kept: VecDeque::new(),
             has_learned: false,
             failure: None,
@@ -154,6 +166,11 @@ impl Recording {
     /// Whether each taxel, patch after patch, has a column of the readings.
     pub fn has_readings(&self) -> impl Iterator<Item = bool> + '_ {
         self.intake.has_readings()
+    }
+
+    /// How many episodes are read, one after the other: trials of an array, groups of a container.
+    pub fn episodes(&self) -> u64 {
+        self.intake.episodes()
     }
 
     /// Number of frames that will be passed on in all, if it is known.
@@ -211,23 +228,33 @@ impl Recording {
     /// step waits for the frames that it is estimated from.
     ///
     /// # Errors
-    /// If an option is not usable, or there is no such channel.
+    /// If an option is not usable, there is no such channel, or it does not measure touches.
     pub fn follow_contacts(&mut self, options: &TrackerOptions) -> Result<(), SignalError> {
+        match self.channels().get(options.channel) {
+            Some(channel) if !channel.kind.is_of_touch() => {
+                Err(SignalError::NoTouch { known: vec![channel.name.clone()] })
+            }
+            _ => self.track(options),
+        }
+    }
+
+    fn track(&mut self, options: &TrackerOptions) -> Result<(), SignalError> {
         let channels = self.channels();
         let channel = channels.get(options.channel).ok_or_else(|| SignalError::NoChannel {
             name: options.channel.to_string(),
             known: channels.iter().map(|channel| channel.name.clone()).collect(),
         })?;
         self.tracker = Some(ContactTracker::new(&self.map, channel, options)?);
+        self.touch = *options;
         Ok(())
     }
 
     /// Adds up the readings of the channel of these options, and its contacts, which it [follows](Self::follow_contacts).
     ///
     /// # Errors
-    /// As [`Self::follow_contacts`].
+    /// As [`Self::follow_contacts`], but that a channel of something else has sums, too, unless a threshold is given.
     pub fn summarise(&mut self, options: &TrackerOptions) -> Result<(), SignalError> {
-        self.follow_contacts(options)?;
+        self.track(options)?;
         self.summary = Some(Summary::new(&self.map, &self.channels()[options.channel]));
         Ok(())
     }
@@ -242,9 +269,16 @@ impl Recording {
         Ok(())
     }
 
-    /// What was added up so far, if that was [asked for](Self::summarise).
+    /// What was added up so far, if that was [asked for](Self::summarise); of the last episode, if there are several.
     pub fn summary(&self) -> Option<&Summary> {
         self.summary.as_ref()
+    }
+
+    /// What was added up so far, each with the number of its episode where there are several.
+    pub fn summaries(&self) -> Vec<(Option<u64>, &Summary)> {
+        let number = |number: u64| (self.episodes() > 1).then_some(number);
+        let ended = self.ended.iter().map(|(episode, summary)| (number(*episode), summary));
+        ended.chain(self.summary.iter().map(|summary| (number(self.intake.episode()), summary))).collect()
     }
 
     /// The threshold of contacts, given or estimated; `None` while it is not known.
@@ -270,13 +304,16 @@ impl Recording {
                  a zero that is given or followed is needed"
             ));
         }
+        let before = self.remarks.iter().filter(|remark| !remarks.contains(remark));
+        let before: Vec<String> = before.cloned().collect();
+        remarks.extend(before);
         remarks
     }
 
-    /// How many contacts the strongest touch so far had at once ([`ContactTracker::at_once`]); `None` if contacts are not
-    /// followed.
+    /// How many contacts the strongest touch so far had at once ([`ContactTracker::at_once`]), of several episodes the most;
+    /// `None` if contacts are not followed.
     pub fn at_once(&self) -> Option<usize> {
-        self.tracker.as_ref().map(ContactTracker::at_once)
+        self.at_once.max(self.tracker.as_ref().map(ContactTracker::at_once))
     }
 
     /// The next frame; `None` after the last one.
@@ -285,34 +322,25 @@ impl Recording {
     /// If the readings cannot be read any further. What was passed on before stays valid, and so does
     /// [`Self::report`].
     pub fn next_step(&mut self) -> Result<Option<Step<'_>>, Error> {
-        if let Some(tracker) = self.tracker.as_mut().filter(|_| !self.has_learned) {
-            let mut is_enough = tracker.frames_to_learn() == 0;
-            while !is_enough {
-                match self.intake.next_frame() {
-                    Ok(Some((number, frame))) => {
-                        is_enough = tracker.learn_from(frame);
-                        self.kept.push_back((number, frame.clone()));
-                    }
-                    Ok(None) => break,
-                    Err(error) => {
-                        self.failure = Some(error);
-                        break;
-                    }
-                }
+        let (number, is_kept) = loop {
+            if !self.has_learned {
+                self.learn();
             }
-            tracker.settle();
-        }
-        self.has_learned = true;
-        let (number, frame) = match self.kept.pop_front() {
-            Some((number, frame)) => {
+            if let Some((number, frame)) = self.kept.pop_front() {
                 self.current = frame;
-                (number, &self.current)
+                break (number, true);
             }
-            None => match self.failure.take().map_or_else(|| self.intake.next_frame(), Err)? {
-                Some(next) => next,
-                None => return Ok(None),
-            },
+            if let Some(failure) = self.failure.take() {
+                return Err(failure);
+            }
+            if let Some(number) = self.intake.advance()? {
+                break (number, false);
+            }
+            if !self.begin_episode()? {
+                return Ok(None);
+            }
         };
+        let frame = if is_kept { &self.current } else { self.intake.latest() };
         let levels = self.levels.as_mut().map(|levels| levels.of(frame));
         let images = match (&mut self.renderer, levels) {
             (Some(renderer), Some(levels)) => renderer.render(levels),
@@ -324,6 +352,51 @@ impl Recording {
         }
         let tracker = self.tracker.as_ref();
         let contacts = tracker.map_or(&[][..], ContactTracker::contacts);
-        Ok(Some(Step { number, frame, levels, images, contacts, tracker }))
+        let episode = self.intake.episode();
+        Ok(Some(Step { number, episode, frame, levels, images, contacts, tracker }))
+    }
+
+    /// Keeps the first frames of an episode until the tracker has learned from them.
+    fn learn(&mut self) {
+        self.has_learned = true;
+        let Some(tracker) = &mut self.tracker else { return };
+        let mut is_enough = tracker.frames_to_learn() == 0;
+        while !is_enough {
+            match self.intake.advance() {
+                Ok(Some(number)) => {
+                    let frame = self.intake.latest();
+                    is_enough = tracker.learn_from(frame);
+                    self.kept.push_back((number, frame.clone()));
+                }
+                Ok(None) => break,
+                Err(error) => {
+                    self.failure = Some(error);
+                    break;
+                }
+            }
+        }
+        tracker.settle();
+    }
+
+    /// Goes on to the next episode, if there is one.
+    fn begin_episode(&mut self) -> Result<bool, Error> {
+        let ended = self.intake.episode();
+        if !self.intake.begin_episode(&self.map)? {
+            return Ok(false);
+        }
+        self.has_learned = false;
+        if self.tracker.is_none() {
+            return Ok(true);
+        }
+        (self.remarks, self.at_once) = (self.contact_remarks(), self.at_once());
+        let summary = self.summary.take();
+        let options = self.touch;
+        if let Some(summary) = &summary {
+            if summary.follows_steps() { self.summarise_steps(&options) } else { self.summarise(&options) }?;
+        } else {
+            self.follow_contacts(&options)?;
+        }
+        self.ended.extend(summary.map(|summary| (ended, summary)));
+        Ok(true)
     }
 }

@@ -94,7 +94,12 @@ fn see(order: &mut ColumnOrder, mut recording: Recording) -> Result<(), Error> {
         known: recording.channels().iter().map(|channel| channel.name.clone()).collect(),
     })?;
     order.begin_recording(channel);
+    let mut episode = None;
     while let Some(step) = recording.next_step()? {
+        if episode.replace(step.episode).is_some_and(|last| last != step.episode) {
+            order.end_recording();
+            order.begin_recording(channel);
+        }
         order.see(step.frame);
     }
     order.end_recording();

@@ -55,7 +55,7 @@ pub fn respond<E: From<Error>>(
     let (mut unit, mut zeros) = (None::<String>, Vec::new());
     // The channel that counts, of frames with several.
     let mut one = Frame::new(map, 1);
-    // Passes all frames on, and `None` where a recording ends.
+    // Passes all frames on, and `None` where a recording or an episode of it ends.
     let mut each = |response: Option<&Response>, see: &mut dyn FnMut(Option<&Frame>)| -> Result<(), E> {
         for number in 0..recordings {
             let mut recording = open(number, response)?;
@@ -72,7 +72,11 @@ pub fn respond<E: From<Error>>(
                 let found = found.clone();
                 return Err(fail(ResponseError::Units { number: number + 1, found, first: first.clone() }));
             }
+            let mut episode = None;
             while let Some(step) = recording.next_step()? {
+                if episode.replace(step.episode).is_some_and(|last| last != step.episode) {
+                    see(None);
+                }
                 if is_alone {
                     see(Some(step.frame));
                     continue;

@@ -15,6 +15,10 @@ const STEPS: usize = 50;
 /// Frames to read ahead, so that a first step that is a gap is one: two steps, of which the shorter is usual.
 pub(super) const FRAMES_AHEAD: usize = 3;
 
+/// Times that differ by less than this are the same, in s: limits are often whole numbers of steps, and what is compared with
+/// them must not depend on the rounding of times, which in seconds since 1970 is 0.24 us.
+pub(in crate::signal) const SAME_S: f64 = 1e-6;
+
 /// The step of frames without times, in s.
 const UNKNOWN_STEP_S: f64 = 0.1;
 
@@ -69,7 +73,8 @@ impl Clock {
         if step < 0.0 {
             return Tick::Back;
         }
-        let is_gap = step > GAP_S && self.usual().is_some_and(|usual| step > GAP_STEPS * usual);
+        let is_longer = |usual: f64| step > GAP_STEPS * (usual + SAME_S);
+        let is_gap = step > GAP_S + SAME_S && self.usual().is_some_and(is_longer);
         if step > 0.0 {
             self.steps[self.count % STEPS] = step;
             self.count += 1;

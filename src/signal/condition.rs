@@ -79,6 +79,23 @@ pub struct ConditionReport {
     pub zero: ZeroReport,
 }
 
+impl ConditionReport {
+    /// The effects on frames after those of another report, of the same taxels and options.
+    pub(crate) fn after(&self, before: &Self) -> Self {
+        Self {
+            clipped: before.clipped + self.clipped,
+            too_large: before.too_large + self.too_large,
+            backwards: before.backwards + self.backwards,
+            without_baseline: before.without_baseline.max(self.without_baseline),
+            zero: ZeroReport {
+                retaken: before.zero.retaken + self.zero.retaken,
+                replaced: before.zero.replaced + self.zero.replaced,
+            },
+            ..self.clone()
+        }
+    }
+}
+
 /// Conditions frames one by one; a [`Recording`](crate::recording::Recording) does this with those of a file.
 ///
 /// It learns from the first frames if there is a baseline, and allocates nothing after that.
@@ -275,6 +292,11 @@ impl Conditioner {
         let parts = self.channels.len() / self.kinds.len().max(1);
         let is_one = move |k: usize| curves.is_some() && self.kinds[k / parts.max(1)] == ChannelKind::Touch;
         self.channels.iter().enumerate().filter(move |(k, _)| is_one(*k)).map(|(_, channel)| channel)
+    }
+
+    /// The frame that was passed on last.
+    pub(crate) fn latest(&self) -> &Frame {
+        &self.out
     }
 
     /// The effects so far.

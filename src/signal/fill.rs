@@ -67,6 +67,13 @@ impl Filler {
     }
 }
 
+impl Filler {
+    /// The frame that was passed on last.
+    pub(crate) fn latest(&self) -> &Frame {
+        &self.out
+    }
+}
+
 impl Stage for Filler {
     /// The frame with its gaps filled, and the list of filled taxels.
     fn apply<'f>(&'f mut self, frame: &'f Frame) -> &'f Frame {

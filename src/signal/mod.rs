@@ -44,7 +44,7 @@ pub use order::{ColumnOrder, LEAST_OBJECTIVE, Order, OrderError, OrderedColumn, 
 pub use pool::GroupPool;
 pub use response::{Response, Scale, TaxelResponse, TaxelState};
 pub use restrict::Restrictor;
-pub use summary::{Group, Load, LoadingStep, Summary, Totals};
+pub use summary::{Group, Load, LoadingStep, OutsideSteps, Summary, Totals};
 pub(crate) use touch::Sphere;
 pub use touch::{
     FaultCounts, Press, ReadoutOptions, Spreader, Touch, TouchOptions, TouchShape, TouchSimulation,

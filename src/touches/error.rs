@@ -35,6 +35,8 @@ pub enum TouchesError {
         "line {row}: touch {touch} has another contact than in the line above; needed: one contact for all lines of a touch"
     )]
     SeveralContacts { row: usize, touch: u64 },
+    #[error("readings in {unit:?} and a stiffness; needed: a unit of force or pressure, or no stiffness")]
+    NoForce { unit: String },
     #[error("none of the {frames} frames has an active taxel that is used; needed: at least one")]
     NothingFelt { frames: usize },
     #[error("{option} is {found}; needed: {:e} to {:e}", .range[0], .range[1])]

@@ -4,6 +4,7 @@ use glam::{DQuat, DVec3};
 
 use crate::calib::Pose;
 use crate::id::IdVec;
+use crate::signal::{Channel, Quantity};
 use crate::skin::{Link, LinkId, Motion, TaxelId};
 use crate::touches::TouchesError;
 use crate::touches::log::{TouchBody, TouchFrame, TouchLog};
@@ -226,6 +227,22 @@ impl TouchReadings {
         let period = (last - first) / (self.times.len().max(2) - 1) as f64;
         let is_near = |&k: &usize| (self.times[k] - time).abs() <= 0.51 * period + 1e-9;
         found.filter(is_near).ok_or([first, last])
+    }
+
+    /// Turns readings of a channel, and their threshold, into forces in N on the discs of taxels, with which a stiffness is
+    /// compared. Readings without a unit are forces in N.
+    ///
+    /// # Errors
+    /// [`TouchesError::NoForce`] if the unit is neither one of force nor one of pressure.
+    pub fn become_forces(&mut self, channel: &Channel, taxel_radius: f64) -> Result<(), TouchesError> {
+        let newtons = match (channel.newtons(), channel.quantity) {
+            (None, _) if channel.unit.is_empty() => 1.0,
+            (None, _) => return Err(TouchesError::NoForce { unit: channel.unit.clone() }),
+            (Some(newtons), Quantity::Extensive) => newtons,
+            (Some(pascals), Quantity::Intensive) => pascals * std::f64::consts::PI * taxel_radius.powi(2),
+        };
+        self.values.iter_mut().chain([&mut self.threshold]).for_each(|x| *x *= newtons);
+        Ok(())
     }
 
     /// The default threshold: five times the noise.

@@ -120,6 +120,47 @@ fn poses_and_readings_may_be_files_of_their_own() {
     refuses(folder, words, &["line 2", "9000", "the readings are from 0 to", "one clock"]);
 }
 
+/// Readings in mN or kPa mean what they mean in N, where a stiffness turns them into depths.
+#[test]
+fn the_unit_of_readings_fits_a_stiffness() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    recording(folder);
+    fs::write(folder.join("poses.csv"), "link,x,y,z,qx,qy,qz,qw\narm,0,0,0,0,0,0,1\n").unwrap();
+    log_of(folder, "px,py,pz", |_, p| format!("{},{},{}", p.x, p.y, p.z));
+    let text = fs::read_to_string(folder.join("readings.csv")).unwrap();
+    let (names, rows) = text.split_once('\n').unwrap();
+    let mut found = Vec::new();
+    // A disc of 2 mm.
+    let area = std::f64::consts::PI * 4e-6;
+    for (unit, factor) in [("N", 1.0), ("mN", 1e3), ("kPa", 1e-3 / area), ("Ohm", 1.0)] {
+        let scaled = |cell: (usize, &str)| match cell {
+            (0, time) => time.to_owned(),
+            (_, x) => (factor * x.parse::<f64>().unwrap()).to_string(),
+        };
+        let row = |row: &str| row.split(',').enumerate().map(scaled).collect::<Vec<_>>().join(",");
+        let scaled = rows.lines().map(row).collect::<Vec<_>>().join("\n");
+        let name = names.replace("[N]", &format!("[{unit}]"));
+        fs::write(folder.join("scaled.csv"), format!("{name}\n{scaled}\n")).unwrap();
+        let words = "touches log.csv -o c.csv --readings scaled.csv --pose poses.csv --skin sheet.glb --stiffness-kpa 20";
+        if unit == "Ohm" {
+            refuses(folder, words, &["Ohm", "force or pressure"]);
+        } else {
+            dermatome(folder, words).assert().success();
+            found.push(table(&folder.join("c.csv")));
+        }
+    }
+    for rows in &found[1..] {
+        assert_eq!(rows.len(), found[0].len());
+        for (row, first) in rows.iter().zip(&found[0]) {
+            for axis in ["x", "y", "z"] {
+                let [found, needed] = [row, first].map(|row| row[axis].parse::<f64>().unwrap());
+                assert!((found - needed).abs() < 1e-6, "{axis}: {found} m, in N {needed} m");
+            }
+        }
+    }
+}
+
 /// Links may share ids: readings without ids are those of all taxels in the order of the drawing, and the link of the log
 /// says which of them count. A log without a link is refused, as is a drawing with other taxels.
 #[test]

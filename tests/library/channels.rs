@@ -10,7 +10,7 @@ use dermatome::mesh::shapes;
 use dermatome::recording::{Fill, Recording, RecordingOptions};
 use dermatome::signal::{
     Channel, ConditionOptions, Filler, Frame, Group, Response, Rest, Scale, SignalError, Stage,
-    TaxelResponse, TaxelState, Zero,
+    TaxelResponse, TaxelState, TrackerOptions, Zero,
 };
 use dermatome::skin::{PatchId, Presence, TaxelId};
 
@@ -114,6 +114,15 @@ fn what_applies_to_no_channel_is_refused() {
         assert!(matches!(found, Err(SignalError::NoTouch { .. })), "{options:?}: {found:?}");
     }
     assert!(condition(&map, temperatures(), ConditionOptions::default()).is_ok());
+    // Temperatures have sums, but neither contacts nor a threshold.
+    let open = || {
+        let reader = ReadingsReader::memory(temperatures()).unwrap();
+        Recording::open(&map, reader, &RecordingOptions::default()).unwrap()
+    };
+    let stated = TrackerOptions { threshold: Some(1.0), ..TrackerOptions::default() };
+    assert!(matches!(open().follow_contacts(&TrackerOptions::default()), Err(SignalError::NoTouch { .. })));
+    assert!(matches!(open().summarise(&stated), Err(SignalError::NoTouch { .. })));
+    assert_eq!(open().summarise(&TrackerOptions::default()), Ok(()));
 }
 
 /// Taxels without a reading are filled from others, slots without a taxel are not, nor does a value cross them.

@@ -7,7 +7,7 @@ use dermatome::Error;
 use dermatome::atlas::{Atlas, AtlasOptions};
 use dermatome::id::VertexId;
 use dermatome::image::Renderer;
-use dermatome::io::{Readings, ReadingsReader};
+use dermatome::io::{Block, IoError, Readings, ReadingsReader};
 use dermatome::map::SkinMap;
 use dermatome::recording::{Carried, Fill, FrameRange, Recording, RecordingOptions};
 use dermatome::signal::{
@@ -205,4 +205,61 @@ fn options_that_do_not_fit_the_readings_are_refused() {
     let mut recording = Recording::open(&map, ReadingsReader::memory(readings).unwrap(), &options).unwrap();
     recording.next_step().unwrap();
     assert_eq!(recording.next_step().unwrap().unwrap().frame.time, 0.02);
+}
+
+/// A recording of two episodes is what each of them is by itself, one after the other, whatever stage has a memory; blocks
+/// may divide episodes anywhere. Blocks of another recording are refused.
+#[test]
+fn the_border_of_an_episode_resets_everything() {
+    let map = palm();
+    let whole = readings();
+    let part = |frames: std::ops::Range<usize>| Readings {
+        times: whole.times[frames.clone()].to_vec(),
+        values: whole.values[338 * frames.start..338 * frames.end].to_vec(),
+        ..whole.clone()
+    };
+    let block = |episode: u64, readings: Readings| Ok(Block { episode, readings, statements: Vec::new() });
+    let blocks =
+        || [block(3, part(0..4)), block(3, part(4..18)), block(5, part(18..21)), block(5, part(21..30))];
+    for zero in [Zero::Taken, Zero::First(6), Zero::Follow] {
+        let condition = ConditionOptions { zero, split_hz: Some(3.0), ..ConditionOptions::default() };
+        let options = RecordingOptions { condition, fill: Fill::Neighbours, ..RecordingOptions::default() };
+        // Episode, time, values and contacts of each frame, and the gaps, remarks and contacts of each episode.
+        let passed = |reader: ReadingsReader| {
+            let mut recording = Recording::open(&map, reader, &options).unwrap();
+            let tracking = recording.tracker_options(1);
+            recording.summarise(&tracking).unwrap();
+            let mut frames = Vec::new();
+            while let Some(step) = recording.next_step().unwrap() {
+                // Without its number, which differs, and with what is missing as text.
+                frames.push((step.episode, format!("{:?} {:?}", step.frame, step.contacts)));
+            }
+            let sums: Vec<_> = recording.summaries().iter().map(|(_, sums)| format!("{sums:?}")).collect();
+            (frames, sums, recording.report().condition)
+        };
+        let both = passed(ReadingsReader::blocks("two".as_ref(), &[18, 12], blocks().into_iter()).unwrap());
+        let [first, second] = [(3, 0..18), (5, 18..30)].map(|(episode, frames)| {
+            let alone = [block(episode, part(frames))].into_iter();
+            passed(ReadingsReader::blocks("one".as_ref(), &[], alone).unwrap())
+        });
+        assert_eq!(both.0, [first.0, second.0].concat(), "{zero:?}");
+        assert_eq!(both.1, [first.1, second.1].concat(), "{zero:?}");
+        assert_eq!(both.2.backwards, 0, "times that begin again in another episode do not go back");
+    }
+    let other = Readings {
+        channels: whole.channels[..1].to_vec(),
+        values: whole.values[..169].to_vec(),
+        times: vec![0.0],
+        ..part(0..0)
+    };
+    for wrong in
+        [block(5, other), block(2, part(4..8)), block(3, Readings { values: vec![0.0; 5], ..part(4..5) })]
+    {
+        let blocks = [block(3, part(0..4)), wrong].into_iter();
+        let mut reader = ReadingsReader::blocks("two".as_ref(), &[], blocks).unwrap();
+        let (mut values, mut time) = (Vec::new(), 0.0);
+        (0..4).for_each(|_| assert!(reader.read(&mut values, &mut time).unwrap()));
+        assert!(matches!(reader.read(&mut values, &mut time), Err(IoError::Invalid { .. })));
+    }
+    assert!(ReadingsReader::blocks("none".as_ref(), &[], std::iter::empty()).is_err());
 }

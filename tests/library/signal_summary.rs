@@ -157,6 +157,22 @@ fn each_loading_is_a_step() {
         assert_near(step.totals.impulse, 0.1 * 1000.0 * force * AREA, "impulse");
         assert!((step.totals.contact_time.unwrap() - time).abs() < 1e-9, "{:?}", step.totals);
     }
+    // With what is outside of steps, the sums are those of the whole.
+    let summary = recording.summary().unwrap();
+    let outside = summary.outside_steps();
+    assert_eq!(
+        outside.iter().map(|of| (of.group, of.cut_off, of.weak)).collect::<Vec<_>>(),
+        [(patch, 2, 1), (region, 2, 1)]
+    );
+    for of in outside {
+        let (_, whole) = summary.totals().find(|(group, _)| *group == of.group).unwrap();
+        let of_steps = |value: fn(&Totals) -> Option<f64>| -> f64 {
+            steps.iter().filter(|step| step.group == of.group).map(|step| value(&step.totals).unwrap()).sum()
+        };
+        assert_near(whole.impulse, of_steps(|totals| totals.impulse) + of.impulse.unwrap(), "impulse");
+        let time = of_steps(|totals| totals.contact_time) + of.contact_time.unwrap();
+        assert_near(whole.contact_time, time, "contact time");
+    }
     let rows = summary_step_rows(&map, recording.summary().unwrap(), "the left sole");
     assert_eq!((rows.len(), &rows[0][0]), (4, &("step", SummaryCell::Count(0))));
     assert_eq!(rows[0][1], ("side", SummaryCell::Text("left".into())));
@@ -189,7 +205,7 @@ fn what_is_not_known_is_empty() {
     assert_eq!(totals(&recording, Group::Region(0.into())).peak, None);
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("sums.csv");
-    write_summary(&path, &map, recording.summary().unwrap()).unwrap();
+    write_summary(&path, &map, &recording.summaries()).unwrap();
     let text = std::fs::read_to_string(&path).unwrap();
     let rows: Vec<Vec<&str>> = text.lines().map(|line| line.split(',').collect()).collect();
     assert_eq!(rows.len(), 6, "names, whole, link, patch, region and contact");

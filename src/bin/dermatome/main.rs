@@ -36,6 +36,8 @@ use crate::console::errors;
 use crate::files::{outputs, paths, signals};
 use crate::options::Common;
 
+pub use crate::options::{Containers, OpenContainer};
+
 /// Somatosensory maps of robot skin.
 ///
 /// The extension of a file determines its format. `-` is standard input for the observations of
@@ -103,19 +105,21 @@ enum Command {
 
 /// Runs the command with the arguments of this process.
 pub fn main() -> ExitCode {
-    run_with(std::env::args_os())
+    run_with(std::env::args_os(), Containers::default())
 }
 
-/// Runs the command with arguments, the first of which is its own name; signals that stop it end the process.
-pub fn run_with(args: impl IntoIterator<Item = OsString>) -> ExitCode {
+/// Runs the command with arguments, the first of which is its own name; signals that stop it end the process. `containers`
+/// reads the recordings that the library does not.
+pub fn run_with(args: impl IntoIterator<Item = OsString>, containers: Containers) -> ExitCode {
     let command = help::with_short_help(help::with_ends(with_negative_numbers(Cli::command())));
     let command = paths::with_hints(command);
     let parsed = command.clone().try_get_matches_from(args);
     let parsed = parsed.and_then(|given| Ok((Cli::from_arg_matches(&given)?, given)));
-    let (cli, given) = match parsed {
+    let (mut cli, given) = match parsed {
         Ok(parsed) => parsed,
         Err(e) => return errors::usage(&e),
     };
+    cli.common.containers = containers;
     let color = cli.common.color;
     if let Some((_, given)) = given.subcommand()
         && let Err(e) = outputs::check_command_line(given, &cli.common.outputs)

@@ -30,6 +30,9 @@ pub(crate) struct ReadingsArgs {
     /// Which stream of a file with several: an array, a sensor
     #[arg(long, value_name = "NAME", hide_short_help = true)]
     stream: Option<String>,
+    /// Which episode of a file with several, counted from 0: a trial, a group [default: one after the other]
+    #[arg(long, value_name = "N")]
+    episode: Option<u64>,
     /// Names of the channels, one each: of a .npy, which has none, or instead of those of the file
     #[arg(long, value_name = "NAME", value_delimiter = ',')]
     channels: Vec<String>,
@@ -277,10 +280,10 @@ impl ReadingsArgs {
     pub(crate) fn reader(&self, path: &Path, common: &Common) -> anyhow::Result<ReadingsReader> {
         let read = self.read_options()?;
         let mut readings = if is_stream(path) {
-            if read.stream.is_some() {
+            if read.stream.is_some() || read.episode.is_some() {
                 return Err(advise(
                     "standard input is one stream of text",
-                    "leave out --stream, or name the file of the readings",
+                    "leave out --stream and --episode, or name the file of the readings",
                 ));
             }
             let name = Path::new("standard input");
@@ -292,7 +295,11 @@ impl ReadingsArgs {
             }
             .map_err(Error::from)?
         } else {
-            ReadingsReader::open(path, read).map_err(Error::from)?
+            match common.containers.open(path, &read) {
+                Some(opened) => opened,
+                None => ReadingsReader::open(path, read),
+            }
+            .map_err(Error::from)?
         };
         if let Some(path) = &self.columns {
             let columns = rows_of(path, read_order(path), common)?;
@@ -322,11 +329,11 @@ impl ReadingsArgs {
     }
 
     fn read_options(&self) -> anyhow::Result<ReadOptions> {
-        let stream = self.stream.clone();
+        let (stream, episode) = (self.stream.clone(), self.episode);
         let file = match &self.layout {
-            None => return Ok(ReadOptions { stream, ..ReadOptions::default() }),
+            None => return Ok(ReadOptions { stream, episode, ..ReadOptions::default() }),
             Some(LayoutArg::Axes(axes)) => {
-                return Ok(ReadOptions { axes: *axes, stream, ..ReadOptions::default() });
+                return Ok(ReadOptions { axes: *axes, stream, episode, ..ReadOptions::default() });
             }
             Some(LayoutArg::File(file)) => file,
         };
@@ -340,7 +347,18 @@ impl ReadingsArgs {
             return Err(advise(what, format!("leave out {option}, or correct the layout")));
         }
         let layout = Layout::read(file).map_err(Error::from)?;
-        Ok(ReadOptions { layout: Some(layout), stream, ..ReadOptions::default() })
+        Ok(ReadOptions { layout: Some(layout), stream, episode, ..ReadOptions::default() })
+    }
+
+    /// Refuses, for what shows one episode, a recording that has more.
+    pub(crate) fn check_one_episode(recording: &Recording, path: &Path) -> anyhow::Result<()> {
+        match recording.episodes() {
+            0 | 1 => Ok(()),
+            count => Err(advise(
+                format!("{} has {count} episodes, each with its own times, and one is shown", path.display()),
+                "choose it with --episode N, counted from 0",
+            )),
+        }
     }
 
     /// Notes about readings that are not as they should be.
@@ -349,6 +367,13 @@ impl ReadingsArgs {
             if statement.source == StatementSource::Checked && statement.what != "missing" {
                 note!(common, "{}: {}", statement.what, statement.value);
             }
+        }
+        if recording.episodes() > 1 {
+            let count = recording.episodes();
+            note!(
+                common,
+                "{count} episodes, one after the other, each with its own times and zeros; --episode N reads one"
+            );
         }
         let report = &recording.report();
         if !report.has_times {

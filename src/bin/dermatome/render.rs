@@ -152,6 +152,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let mut output = Output::open(&args.output, kind, &colours, &content, &common.outputs)?;
     let mut contacts = args.contacts.open(&map, &mut recording, &args.events, common)?;
     let mut events = args.events.open(&map, common)?;
+    let has_episodes = recording.episodes() > 1;
     let bar = progress::frames(common, recording.frames(), is_stream(&args.readings));
     let space = Space::new(args, kind, &map, &atlas, channels.len());
     space.check(recording.frames().unwrap_or(0))?;
@@ -160,6 +161,11 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let mut write_all = || -> anyhow::Result<()> {
         while let Some(step) = recording.next_step()? {
             space.check(written + 1)?;
+            if has_episodes {
+                output.begin_episode(step.episode)?;
+                contacts.iter_mut().for_each(|contacts| contacts.begin_episode(step.episode));
+                events.iter_mut().try_for_each(|events| events.begin_episode(step.episode))?;
+            }
             output.write(&step, &channels)?;
             if let Some(contacts) = &mut contacts {
                 contacts.write(&step)?;

@@ -93,6 +93,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
 fn serve(args: &Args, map: &Arc<SkinMap>, page: Page<'_>, common: &Common) -> anyhow::Result<ExitCode> {
     let path = args.readings.as_deref().unwrap_or(Path::new("-"));
     let mut recording = args.readings_args.open(args.frames.range()?, path, map, common)?;
+    ReadingsArgs::check_one_episode(&recording, path)?;
     let shown = recording.channel(args.channel.as_deref()).map_err(Error::from)?;
     let options = args.touch.options(&recording, shown);
     let (html, mut frames) = page.to_live_html(&mut recording, &options)?;
@@ -122,6 +123,7 @@ fn record(
     common: &Common,
 ) -> anyhow::Result<anyhow::Result<()>> {
     let mut recording = args.readings_args.open(args.frames.range()?, path, map, common)?;
+    ReadingsArgs::check_one_episode(&recording, path)?;
     let shown = recording.channel(args.channel.as_deref()).map_err(Error::from)?;
     remark_join(&recording, path, common);
     let bar = progress::frames(common, recording.frames(), is_stream(path));

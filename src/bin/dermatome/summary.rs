@@ -8,12 +8,13 @@ use dermatome::io::{
     LoadWriter, Statement, StatementSource, SummaryCell, SummaryRow, summary_rows, summary_step_rows,
     write_summary, write_summary_steps,
 };
-use dermatome::signal::Group;
+use dermatome::map::SkinMap;
+use dermatome::signal::{Group, OutsideSteps, Summary};
 use serde_json::{Map, Value, json};
 
 use crate::console::errors::advise;
 use crate::console::notes::{note, note_count};
-use crate::console::print::print_json;
+use crate::console::print::{plain, print_json};
 use crate::console::progress;
 use crate::files::input::read_map_first;
 use crate::files::outputs::{self, is_stream};
@@ -92,12 +93,16 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     remark_join(&recording, &args.readings, common);
     let over_time = args.over_time.as_ref().map(|path| LoadWriter::create(common.outputs.file(path)));
     let mut over_time = over_time.transpose().map_err(Error::from)?;
+    let has_episodes = recording.episodes() > 1;
     let bar = progress::frames(common, recording.frames(), is_stream(&args.readings));
     let mut added = 0;
     let mut add_all = || -> anyhow::Result<()> {
         while let Some(step) = recording.next_step()? {
-            let (number, time) = (step.number as u64, step.frame.time);
+            let (number, episode, time) = (step.number as u64, step.episode, step.frame.time);
             if let (Some(writer), Some(summary)) = (&mut over_time, recording.summary()) {
+                if has_episodes {
+                    writer.begin_episode(episode);
+                }
                 writer.write(number, time, &map, summary).map_err(Error::from)?;
             }
             bar.inc(1);
@@ -124,8 +129,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let sensor = names.join(" ");
     let output = common.outputs.file(&args.output);
     match args.by {
-        Rows::Groups => write_summary(output, &map, summary),
-        Rows::Steps => write_summary_steps(output, &map, summary, &sensor),
+        Rows::Groups => write_summary(output, &map, &recording.summaries()),
+        Rows::Steps => write_summary_steps(output, &map, &recording.summaries(), &sensor),
     }
     .map_err(Error::from)?;
     over_time.map_or(Ok(()), LoadWriter::finish).map_err(Error::from)?;
@@ -141,10 +146,14 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         note!(common, "forces are left out: the unit {unit:?} is neither one of force nor one of pressure");
     }
     args.touch.remark(&recording, channel, common);
-    note_count(common, summary.gaps() as u64, "gaps", "in the times, over which nothing is added up");
-    if let Some((_, cut_off)) = summary.steps() {
-        let how = "left out: the recording begins, ends or has a gap within them";
-        note_count(common, cut_off as u64, "loadings", how);
+    let summaries = recording.summaries();
+    let gaps: usize = summaries.iter().map(|(_, summary)| summary.gaps()).sum();
+    note_count(common, gaps as u64, "gaps", "in the times, over which nothing is added up");
+    for (episode, summary) in &summaries {
+        summary
+            .outside_steps()
+            .iter()
+            .for_each(|outside| note_outside(&map, *episode, summary, outside, common));
     }
     if args.json {
         let value = |cell: SummaryCell| match cell {
@@ -155,18 +164,80 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         let object = |row: SummaryRow| -> Map<String, Value> {
             row.into_iter().map(|(name, cell)| (name.to_owned(), value(cell))).collect()
         };
-        let groups: Vec<_> = summary_rows(&map, summary).into_iter().map(object).collect();
-        let contacts = summary.totals().filter(|(group, _)| matches!(group, Group::Contact(_))).count();
+        let (mut groups, mut steps, mut outside) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut contacts, mut cut_off) = (0, 0);
+        for &(episode, summary) in &summaries {
+            let of_episode = |mut object: Map<String, Value>| {
+                object.extend(episode.map(|number| ("episode".to_owned(), json!(number))));
+                object
+            };
+            groups.extend(summary_rows(&map, summary).into_iter().map(object).map(of_episode));
+            steps.extend(summary_step_rows(&map, summary, &sensor).into_iter().map(object).map(of_episode));
+            contacts += summary.totals().filter(|(group, _)| matches!(group, Group::Contact(_))).count();
+            cut_off += summary.steps().map_or(0, |(_, cut_off)| cut_off);
+            let beyond = summary.outside_steps();
+            outside.extend(beyond.iter().map(|beyond| of_episode(outside_as_json(&map, summary, beyond))));
+        }
         let mut json = json!({
-            "frames": report.frames, "threshold": threshold, "contacts": contacts, "gaps": summary.gaps(),
+            "frames": report.frames, "threshold": threshold, "contacts": contacts, "gaps": gaps,
             "at_once": recording.at_once(),
             "groups": groups,
         });
-        if let Some((_, cut_off)) = summary.steps() {
-            json["steps"] = summary_step_rows(&map, summary, &sensor).into_iter().map(object).collect();
+        if args.by == Rows::Steps {
+            json["steps"] = json!(steps);
             json["cut_off"] = json!(cut_off);
+            if !outside.is_empty() {
+                json["outside"] = json!(outside);
+            }
         }
         print_json("dermatome.summary/1", &json)?;
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// The word of a group, and its name.
+fn named(map: &SkinMap, summary: &Summary, group: Group) -> (&'static str, String) {
+    let word = if matches!(group, Group::Region(_)) { "region" } else { "patch" };
+    (word, summary.names(map, group)[2].clone().into_owned())
+}
+
+/// Says what the steps of a group leave out of its sums.
+fn note_outside(
+    map: &SkinMap,
+    episode: Option<u64>,
+    summary: &Summary,
+    outside: &OutsideSteps,
+    common: &Common,
+) {
+    let (word, name) = named(map, summary, outside.group);
+    let of_episode = episode.map_or_else(String::new, |number| format!("episode {number}, "));
+    let mut amounts = Vec::new();
+    amounts.extend(outside.impulse.map(|impulse| format!("{impulse:.4} N s")));
+    amounts.extend(outside.contact_time.map(|time| format!("{time:.3} s of load")));
+    let reasons = [
+        (outside.cut_off, "cut off by the begin, the end or a gap of the recording"),
+        (outside.weak, "below 5 % of the strongest"),
+    ];
+    let reasons = reasons.iter().filter(|(count, _)| *count > 0).map(|(count, how)| format!("{count} {how}"));
+    note!(
+        common,
+        "{of_episode}{word} {}: {} are in no step; loadings that are none: {}",
+        plain(&name),
+        amounts.join(" and "),
+        reasons.collect::<Vec<_>>().join(", ")
+    );
+}
+
+fn outside_as_json(map: &SkinMap, summary: &Summary, outside: &OutsideSteps) -> Map<String, Value> {
+    let (word, name) = named(map, summary, outside.group);
+    let OutsideSteps { cut_off, weak, impulse, contact_time, .. } = outside;
+    let pairs = [
+        ("group", json!(word)),
+        ("name", json!(name)),
+        ("cut_off", json!(cut_off)),
+        ("weak", json!(weak)),
+        ("impulse", json!(impulse)),
+        ("contact_time", json!(contact_time)),
+    ];
+    pairs.into_iter().map(|(key, value)| (key.to_owned(), value)).collect()
 }

@@ -14,8 +14,8 @@ use dermatome::io::{
 use dermatome::signal::TaxelState;
 use dermatome::skin::{Link, LinkId, Motion, Skin, TaxelId};
 use dermatome::touches::{
-    Drawing, LogOfRows, RowSources, TouchReadings, TouchRow, TouchesOptions, contacts_of_touches,
-    log_of_rows, pose_in_motion,
+    Drawing, LogOfRows, RowSources, TouchReadings, TouchRow, TouchesError, TouchesOptions,
+    contacts_of_touches, log_of_rows, pose_in_motion,
 };
 use glam::DAffine3;
 use serde::Serialize;
@@ -241,6 +241,13 @@ impl Args {
         }
         readings.threshold = self.threshold.unwrap_or_else(|| readings.above_noise());
         note!(common, "taxels are active above {:.3e}, in the unit of the readings", readings.threshold);
+        if self.stiffness_kpa.is_some() {
+            let in_recording = |e: TouchesError| Error::Recording {
+                recording: path.display().to_string(),
+                source: Box::new(e.into()),
+            };
+            readings.become_forces(&reader.channels[0], self.taxel).map_err(in_recording)?;
+        }
         Ok(readings)
     }
 

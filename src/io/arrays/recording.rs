@@ -76,6 +76,8 @@ pub struct RecordingWriter {
     path: OutPath,
     writer: ArrayWriter,
     times: Option<ArrayId>,
+    /// The episode of the frames that follow, where they are told apart.
+    episode: Option<(ArrayId, u32)>,
     images: Vec<ArrayId>,
     /// Name and number of values of each image.
     expected: Vec<(String, usize)>,
@@ -106,6 +108,7 @@ impl RecordingWriter {
             path: path.clone(),
             writer: ArrayWriter::create(path)?,
             times: None,
+            episode: None,
             images: Vec::new(),
             expected: Vec::new(),
             values: Vec::new(),
@@ -140,6 +143,23 @@ impl RecordingWriter {
             this.add_values(map, layout)?;
         }
         Ok(this)
+    }
+
+    /// The frames that follow are of this episode, in the array `episode` `(T,)` of a `.npz`. A recording whose episodes are told
+    /// apart begins one before its first frame.
+    ///
+    /// # Errors
+    /// If the disk is full.
+    pub fn begin_episode(&mut self, number: u64) -> Result<(), IoError> {
+        if self.times.is_none() {
+            return Ok(());
+        }
+        let array = match self.episode {
+            Some((array, _)) => array,
+            None => self.writer.growing("episode", ElementType::U32, &[])?,
+        };
+        self.episode = Some((array, u32::try_from(number).unwrap_or(u32::MAX)));
+        Ok(())
     }
 
     /// The region of each taxel, and of each pixel.
@@ -260,6 +280,9 @@ impl RecordingWriter {
         }
         if let Some(times) = self.times {
             self.writer.push(times, Elements::F64(&[frame.time]))?;
+        }
+        if let Some((array, number)) = self.episode {
+            self.writer.push(array, Elements::U32(&[number]))?;
         }
         let mut all_valid = Vec::new();
         for LevelValues { patch, level, values, valid } in &self.values {

@@ -169,8 +169,8 @@ impl Layout {
         self.stream.as_deref()
     }
 
-    /// What errors call it.
-    pub(in crate::io) fn name(&self) -> &Path {
+    /// The file that it was read from: what errors call it.
+    pub fn name(&self) -> &Path {
         &self.name
     }
 

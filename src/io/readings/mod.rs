@@ -2,6 +2,7 @@
 //! length.
 
 pub(super) mod arrays;
+pub(super) mod blocks;
 mod header;
 mod laid;
 mod text;
@@ -15,6 +16,7 @@ use crate::io::IoError;
 use crate::io::file::{cannot_read, exists, file_kind, invalid};
 use crate::io::layout::{KnownRest, Layout, Statement, StatementSource, StreamFacts};
 use crate::io::readings::arrays::{ArrayReadings, ReadingsLayout};
+use crate::io::readings::blocks::{Block, BlockReadings, Readings};
 use crate::io::readings::header::About;
 use crate::io::readings::laid::LaidReadings;
 use crate::io::readings::text::{FirstLine, LongReadings, TextReadings, count_rows, has_row_first};
@@ -86,6 +88,7 @@ enum Source {
     Arrays(ArrayReadings),
     Laid(Box<LaidReadings>),
     Memory(Readings, usize),
+    Blocks(Box<BlockReadings>),
 }
 
 /// How a file of readings is read.
@@ -165,6 +168,7 @@ impl Source {
             Self::Long(long) => long.read(values, time),
             Self::Arrays(arrays) => arrays.read(values, time),
             Self::Laid(laid) => laid.read(values, time),
+            Self::Blocks(blocks) => blocks.read(values, time),
             Self::Memory(readings, next) => {
                 let Some(&at) = readings.times.get(*next) else { return Ok(false) };
                 let count = readings.channels.len() * readings.width;
@@ -249,23 +253,6 @@ impl Frames for Rows {
     }
 }
 
-/// A whole recording in memory.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Readings {
-    /// The taxel that each column is of; `None`: all taxels in the order of the map.
-    pub ids: Option<Vec<TaxelId>>,
-    /// What is read of each taxel.
-    pub channels: Vec<Channel>,
-    /// Number of columns: taxels of a frame.
-    pub width: usize,
-    /// When each frame was taken, in s; NaN where that is not known.
-    pub times: Vec<f64>,
-    /// Frame after frame, channel after channel: one number per column.
-    pub values: Vec<f64>,
-    /// What is known of readings where nothing touches.
-    pub rest: KnownRest,
-}
-
 impl Readings {
     /// Reads all frames; calls `progress` after each.
     ///
@@ -334,12 +321,20 @@ impl ReadingsReader {
 
     /// How many episodes are read, one after the other; each has as many frames.
     pub fn episodes(&self) -> u64 {
-        if let Source::Laid(laid) = &self.source { laid.episodes() } else { 1 }
+        match &self.source {
+            Source::Laid(laid) => laid.episodes(),
+            Source::Blocks(blocks) => blocks.episodes,
+            _ => 1,
+        }
     }
 
     /// The episode of the frame that was read last.
     pub fn episode(&self) -> u64 {
-        if let Source::Laid(laid) = &self.source { laid.episode } else { 0 }
+        match &self.source {
+            Source::Laid(laid) => laid.episode,
+            Source::Blocks(blocks) => blocks.episode(),
+            _ => 0,
+        }
     }
 
     /// Whether a file is of a kind that is read here, by its content or its extension.
@@ -378,6 +373,9 @@ impl ReadingsReader {
                 taxels.for_each(|taxels| taxels.value = "by a table of columns".to_owned());
             }
             return all;
+        }
+        if let Source::Blocks(blocks) = &self.source {
+            return blocks.statements().to_vec();
         }
         let state = |what: &str, value: &str| Statement::new(what, value, StatementSource::File);
         let stated = |text: &str| if text.is_empty() { "none in the file" } else { text }.to_owned();
@@ -469,6 +467,48 @@ impl ReadingsReader {
             ..About::default()
         };
         Ok(Self { rest: *rest, ..Self::of(Source::Memory(readings, 0), about) })
+    }
+
+    /// Reads a recording of blocks that another program reads, as they come. Errors call it `path`; `lengths` are the frames of
+    /// each episode, none if that is not known.
+    ///
+    /// ```
+    /// use std::path::Path;
+    ///
+    /// use dermatome::io::{Block, Readings, ReadingsReader};
+    /// use dermatome::signal::Channel;
+    ///
+    /// let block = |episode, value| Block {
+    ///     episode,
+    ///     readings: Readings {
+    ///         channels: vec![Channel::default()],
+    ///         width: 1,
+    ///         times: vec![0.0],
+    ///         values: vec![value],
+    ///         ..Readings::default()
+    ///     },
+    ///     ..Block::default()
+    /// };
+    /// let blocks = [block(0, 3.0), block(1, 5.0)].map(Ok);
+    /// let mut reader = ReadingsReader::blocks(Path::new("two"), &[1, 1], blocks.into_iter())?;
+    /// let (mut values, mut time) = (Vec::new(), 0.0);
+    /// while reader.read(&mut values, &mut time)? {
+    ///     println!("episode {}: {values:?}", reader.episode());
+    /// }
+    /// assert_eq!((reader.episode(), values), (1, vec![5.0]));
+    /// # Ok::<(), dermatome::io::IoError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// If there is no block, or its numbers do not fit each other. Reading fails, too, where blocks differ in what they are of.
+    pub fn blocks(
+        path: &Path,
+        lengths: &[u64],
+        blocks: impl Iterator<Item = Result<Block, IoError>> + Send + 'static,
+    ) -> Result<Self, IoError> {
+        let (blocks, about) = BlockReadings::open(path, lengths, Box::new(blocks))?;
+        let rest = blocks.rest();
+        Ok(Self { rest, ..Self::of(Source::Blocks(Box::new(blocks)), about) })
     }
 
     /// Reads the next frame: the number of column `n` and channel `c` is `values[c * width + n]`,

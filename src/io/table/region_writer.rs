@@ -27,6 +27,7 @@ const COLUMNS: &str = "frame,time,track,event,patch,link,taxels,area,force,x,y,z
 pub struct RegionWriter {
     map: Arc<SkinMap>,
     table: TableWriter<Replacement>,
+    episode: Option<u64>,
 }
 
 impl RegionWriter {
@@ -39,7 +40,15 @@ impl RegionWriter {
         if file_kind(path) != "csv" {
             return Err(IoError::UnknownKind { path: path.into(), known: ".csv" });
         }
-        Ok(Self { map: Arc::clone(map), table: TableWriter::create(path, COLUMNS)? })
+        Ok(Self { map: Arc::clone(map), table: TableWriter::create(path, COLUMNS)?, episode: None })
+    }
+
+    /// The frames that follow are of this episode, which is in a column `episode` before the others. A file whose episodes are
+    /// told apart begins one before its first frame.
+    pub fn begin_episode(&mut self, number: u64) {
+        if self.episode.replace(number).is_none() {
+            self.table.add_first_column("episode");
+        }
     }
 
     /// Writes the contacts of one frame.
@@ -50,9 +59,10 @@ impl RegionWriter {
     /// # Panics
     /// If a contact is not one on this map.
     pub fn write(&mut self, frame: u64, time: f64, regions: &[ContactRegion]) -> Result<(), IoError> {
-        let Self { map, table } = self;
+        let Self { map, table, episode } = self;
         for region in regions {
             let patch = &map.patches[region.patch];
+            episode.iter().for_each(|&number| table.whole(number));
             table.whole(frame);
             table.number_if_any(Some(time).filter(|time| time.is_finite()));
             table.whole(region.track);

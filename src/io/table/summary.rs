@@ -121,19 +121,38 @@ fn motion(totals: &Totals) -> [(&'static str, SummaryCell); 3] {
     ]
 }
 
-/// Writes a summary as a table, a row for each group; what is not known is an empty cell.
+/// A summary, and the number of the episode that it is of where a recording has several.
+pub type EpisodeSummary<'s> = (Option<u64>, &'s Summary);
+
+/// Writes summaries as a table, a row for each group; what is not known is an empty cell. Those of episodes have a column
+/// `episode` before the others.
 ///
 /// # Errors
 /// [`IoError::Write`]; an older file stays as it was.
 ///
 /// # Panics
-/// If the summary is of another map.
-pub fn write_summary(path: impl Into<OutPath>, map: &SkinMap, summary: &Summary) -> Result<(), IoError> {
-    let rows = summary_rows(map, summary);
+/// If a summary is of another map.
+pub fn write_summary(
+    path: impl Into<OutPath>,
+    map: &SkinMap,
+    summaries: &[EpisodeSummary<'_>],
+) -> Result<(), IoError> {
+    let rows: Vec<SummaryRow> = summaries
+        .iter()
+        .flat_map(|&(episode, summary)| of_episode(episode, summary_rows(map, summary)))
+        .collect();
     write_rows(&path.into(), &rows.first().cloned().unwrap_or_default(), rows)
 }
 
-/// Writes the [steps](summary_step_rows) of a summary as a table, a row for each.
+/// Rows with the number of their episode, if they have one.
+fn of_episode(episode: Option<u64>, mut rows: Vec<SummaryRow>) -> Vec<SummaryRow> {
+    if let Some(number) = episode {
+        rows.iter_mut().for_each(|row| row.insert(0, ("episode", Count(number))));
+    }
+    rows
+}
+
+/// Writes the [steps](summary_step_rows) of summaries as a table, a row for each.
 ///
 /// # Errors
 /// As [`write_summary`].
@@ -143,12 +162,17 @@ pub fn write_summary(path: impl Into<OutPath>, map: &SkinMap, summary: &Summary)
 pub fn write_summary_steps(
     path: impl Into<OutPath>,
     map: &SkinMap,
-    summary: &Summary,
+    summaries: &[EpisodeSummary<'_>],
     sensor: &str,
 ) -> Result<(), IoError> {
     let none = LoadingStep { group: Group::Whole, number: 0, totals: Totals::default() };
-    let like = step_row(map, summary, sensor, &none);
-    write_rows(&path.into(), &like, summary_step_rows(map, summary, sensor))
+    let like = summaries
+        .first()
+        .map(|&(episode, summary)| of_episode(episode, vec![step_row(map, summary, sensor, &none)]).concat());
+    let rows = summaries
+        .iter()
+        .flat_map(|&(episode, summary)| of_episode(episode, summary_step_rows(map, summary, sensor)));
+    write_rows(&path.into(), &like.unwrap_or_default(), rows.collect())
 }
 
 /// `like` has the names of the columns.
@@ -173,7 +197,10 @@ fn write_rows(path: &OutPath, like: &SummaryRow, rows: Vec<SummaryRow>) -> Resul
 /// `frame,time,group,name,peak,mean,sum,force,contact_area,x,y,z`, the centre of pressure in m in the frame of its link.
 ///
 /// Nothing appears in the file's place before [`LoadWriter::finish`].
-pub struct LoadWriter(TableWriter<Replacement>);
+pub struct LoadWriter {
+    table: TableWriter<Replacement>,
+    episode: Option<u64>,
+}
 
 impl LoadWriter {
     /// Starts a table.
@@ -182,7 +209,14 @@ impl LoadWriter {
     /// If the file cannot be created.
     pub fn create(path: impl Into<OutPath>) -> Result<Self, IoError> {
         const COLUMNS: &str = "frame,time,group,name,peak,mean,sum,force,contact_area,x,y,z";
-        Ok(Self(TableWriter::create(&path.into(), COLUMNS)?))
+        Ok(Self { table: TableWriter::create(&path.into(), COLUMNS)?, episode: None })
+    }
+
+    /// The frames that follow are of this episode, as in [`RegionWriter::begin_episode`](crate::io::RegionWriter::begin_episode).
+    pub fn begin_episode(&mut self, number: u64) {
+        if self.episode.replace(number).is_none() {
+            self.table.add_first_column("episode");
+        }
     }
 
     /// Writes the frame that was added to a summary last.
@@ -193,9 +227,10 @@ impl LoadWriter {
     /// # Panics
     /// If the summary is of another map.
     pub fn write(&mut self, frame: u64, time: f64, map: &SkinMap, summary: &Summary) -> Result<(), IoError> {
-        let table = &mut self.0;
+        let Self { table, episode } = self;
         for (group, load) in summary.loads() {
             let has_readings = load.readings > 0;
+            episode.iter().for_each(|&number| table.whole(number));
             table.whole(frame);
             table.number_if_any(Some(time).filter(|time| time.is_finite()));
             table.cell(group.into());
@@ -219,6 +254,6 @@ impl LoadWriter {
     /// # Errors
     /// If the disk is full.
     pub fn finish(self) -> Result<(), IoError> {
-        self.0.publish()
+        self.table.publish()
     }
 }

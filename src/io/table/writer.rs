@@ -69,6 +69,11 @@ impl<W: Write> TableWriter<W> {
         Self { path: path.into(), output, text: format!("{names}\n").into_bytes() }
     }
 
+    /// Adds a column before the others; there is no row yet.
+    pub(crate) fn add_first_column(&mut self, name: &str) {
+        self.text.splice(0..0, format!("{name},").into_bytes());
+    }
+
     /// Appends numbers, plain down to 1e-20.
     pub(crate) fn decimals(&mut self, numbers: impl IntoIterator<Item = f64>) {
         numbers.into_iter().for_each(|x| push_decimal(&mut self.text, x, 1e-20));

@@ -8,6 +8,7 @@
 use crate::id::{IdVec, VertexId};
 use crate::map::{PatchMap, SkinMap};
 use crate::signal::Tick;
+use crate::signal::clock::SAME_S;
 use crate::signal::contacts::{ContactEvent, ContactRegion};
 use crate::skin::{LinkId, PatchId};
 
@@ -95,7 +96,7 @@ impl AtOnce {
                 }
                 touch.add(self.values[..place].iter().sum(), count.min(MOST));
                 touch.until = self.now;
-            } else if self.now - touch.until > REST_S {
+            } else if self.now - touch.until > REST_S + SAME_S {
                 touch.end(&mut self.strongest);
             }
         }

@@ -102,10 +102,12 @@ impl ContactTracker {
     /// A tracker for frames of this map, which uses this channel.
     ///
     /// # Errors
-    /// [`SignalError::Option`], or [`SignalError::NoTouch`] for fingers in a channel that does not measure touches.
+    /// [`SignalError::Option`], or [`SignalError::NoTouch`] for a threshold or fingers in a channel that does not measure
+    /// touches.
     pub fn new(map: &SkinMap, channel: &Channel, options: &TrackerOptions) -> Result<Self, SignalError> {
         options.validate(map.patches.iter().map(|patch| patch.taxels.ids.len()).sum())?;
-        if options.probe == Probe::Finger && !channel.kind.is_of_touch() {
+        let is_of_touch = options.probe == Probe::Finger || options.threshold.is_some();
+        if is_of_touch && !channel.kind.is_of_touch() {
             return Err(SignalError::NoTouch { known: vec![channel.name.clone()] });
         }
         let fingers = (options.probe == Probe::Finger).then(|| Fingers::new(map, channel, options));

@@ -4,6 +4,7 @@ use glam::DVec3;
 
 use crate::id::VertexId;
 use crate::signal::ContactRegion;
+use crate::signal::clock::SAME_S;
 use crate::signal::events::history::{Edge, History, Stretch};
 use crate::signal::events::path::{Motion, Path};
 use crate::signal::events::{Event, EventContact, EventOptions, Phase, Word};
@@ -129,14 +130,14 @@ impl Followed {
         }
         self.keep_edges(time, region);
         self.path.add(time, region);
-        if time - self.onset <= RISE_S {
+        if time - self.onset <= RISE_S + SAME_S {
             self.is_dated = false;
         }
     }
 
     /// Whether it lasts long enough to be reported.
     pub(super) fn is_lasting(&self, options: &EventOptions) -> bool {
-        self.frames >= 2 && self.last - self.onset >= options.least_s - 1e-9
+        self.frames >= 2 && self.last - self.onset >= options.least_s - SAME_S
     }
 
     /// Keeps the taxels of its first and its latest time.
@@ -149,7 +150,7 @@ impl Followed {
             self.first.add(region);
         }
         let [before, now] = &mut self.last_stretches;
-        if time - now.begin > 0.5 * EDGE_S {
+        if time - now.begin > 0.5 * EDGE_S + SAME_S {
             std::mem::swap(before, now);
             now.taxels.clear();
             (now.begin, now.peak) = (time, 0.0);
@@ -172,12 +173,12 @@ impl Followed {
 
     /// Whether its next frame, at this time, can move its begin no more.
     pub(super) fn is_risen(&self, time: f64) -> bool {
-        time - self.onset > RISE_S
+        time - self.onset > RISE_S + SAME_S
     }
 
     /// Whether it can be a hold by now, if it began as early as it may have.
     pub(super) fn may_be_hold(&self, options: &EventOptions) -> bool {
-        self.last - self.onset + DATED_MOST_S >= options.hold_s - 1e-9
+        self.last - self.onset + DATED_MOST_S >= options.hold_s - SAME_S
     }
 
     /// Dates its end.
@@ -219,9 +220,9 @@ impl Followed {
             && self.force_peak_time - begin < options.hit_s;
         match (has_ended, is_hit) {
             (true, true) => Word::Hit,
-            _ if duration >= options.hold_s => Word::Hold,
+            _ if duration >= options.hold_s - SAME_S => Word::Hold,
             (false, _) => Word::Touch,
-            (true, false) if duration < options.tap_s => Word::Tap,
+            (true, false) if duration < options.tap_s - SAME_S => Word::Tap,
             (true, false) => Word::Press,
         }
     }
@@ -295,7 +296,7 @@ impl Waiting {
 
     /// Whether a track that begins at this time may continue it.
     pub(super) fn may_go_on(&self, time: f64, options: &EventOptions) -> bool {
-        time - self.0.last <= options.join_s + 1e-9
+        time - self.0.last <= options.join_s + SAME_S
     }
 
     /// How far a region is that may continue it, in m, and its number.

@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use crate::signal::clock::SAME_S;
 use crate::signal::events::contact::Followed;
 use crate::signal::events::{Event, EventContact, EventOptions, Phase, Word};
 use crate::skin::LinkId;
@@ -49,7 +50,7 @@ impl Groups {
         let centre = contact.to.point;
         let is_next = |series: &&mut Series| {
             series.last.link == contact.link
-                && tap.begin - series.end < options.pat_s
+                && tap.begin - series.end < options.pat_s - SAME_S
                 && series.centre.distance(centre) <= options.pat_m
         };
         let end = tap.begin + tap.duration;
@@ -76,11 +77,11 @@ impl Groups {
         self.series.retain(|series| {
             let may_continue = |contact: &Followed| {
                 contact.link == series.last.link
-                    && contact.onset - series.end < options.pat_s
-                    && contact.last - contact.onset < options.tap_s
+                    && contact.onset - series.end < options.pat_s - SAME_S
+                    && contact.last - contact.onset < options.tap_s - SAME_S
                     && contact.centre.distance(series.centre) <= options.pat_m
             };
-            let goes_on = time - series.end < options.pat_s || going_on().any(may_continue);
+            let goes_on = time - series.end < options.pat_s - SAME_S || going_on().any(may_continue);
             if !goes_on && series.contacts.len() >= options.pat_taps {
                 events.push(series.event(Phase::End, time));
             }
@@ -116,8 +117,8 @@ impl Groups {
         self.grasps.sort_by_key(|grasp| grasp.link);
         self.grasps.retain_mut(|grasp| {
             // One of its contacts may be continued.
-            let goes_on = time - grasp.last <= options.join_s + 1e-9;
-            if !grasp.is_reported && grasp.held >= options.grasp_s - 1e-9 {
+            let goes_on = time - grasp.last <= options.join_s + SAME_S;
+            if !grasp.is_reported && grasp.held >= options.grasp_s - SAME_S {
                 grasp.is_reported = true;
                 events.push(grasp.event(Phase::Begin, time));
             } else if !goes_on && grasp.is_reported {
@@ -186,7 +187,7 @@ impl Grasp {
         self.force_sum += force;
         self.frames += 1.0;
         self.last = time;
-        if !self.is_reported && self.held >= options.grasp_s - 1e-9 {
+        if !self.is_reported && self.held >= options.grasp_s - SAME_S {
             let of_link = open.iter_mut().filter(|contact| contact.link == link);
             let strongest = of_link.reduce(|a, b| if b.force > a.force { b } else { a });
             if let Some(strongest) = strongest {

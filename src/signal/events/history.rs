@@ -6,6 +6,7 @@
 
 use crate::id::{IdVec, VertexId};
 use crate::signal::ContactRegion;
+use crate::signal::clock::SAME_S;
 use crate::skin::PatchId;
 
 /// Frames that are kept, and the least time between them, in s.
@@ -105,7 +106,7 @@ impl History {
     /// Keeps a frame.
     pub(super) fn keep(&mut self, time: f64, values: &IdVec<PatchId, IdVec<VertexId, f64>>) {
         match self.latest() {
-            Some(last) if time - last < INTERVAL_S => return,
+            Some(last) if time - last < INTERVAL_S - SAME_S => return,
             Some(_) => {}
             None => self.first = time,
         }
@@ -134,7 +135,7 @@ impl History {
         let interval = span / self.count.saturating_sub(1).max(1) as f64;
         // Kept frames have a least distance.
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
-        let around = (AROUND_S.min(AROUND_SHARE * lasted) / interval.max(INTERVAL_S) + 1e-9) as usize;
+        let around = ((AROUND_S.min(AROUND_SHARE * lasted) + SAME_S) / interval.max(INTERVAL_S)) as usize;
         around
     }
 

@@ -7,6 +7,7 @@ use glam::{DVec2, DVec3};
 
 use crate::numeric::{median_of, symmetric_eigen};
 use crate::signal::ContactRegion;
+use crate::signal::clock::SAME_S;
 use crate::signal::events::EventPlace;
 use crate::skin::PatchId;
 
@@ -96,7 +97,7 @@ impl Path {
         let is_new = self
             .blocks
             .last()
-            .is_none_or(|block| time - block.begin >= self.block_s - 1e-9 || block.patch != region.patch);
+            .is_none_or(|block| time - block.begin >= self.block_s - SAME_S || block.patch != region.patch);
         if is_new {
             self.complete_block();
             self.blocks.push(Block { begin: time, patch: region.patch, ..Block::default() });

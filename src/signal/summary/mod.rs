@@ -53,6 +53,21 @@ pub struct LoadingStep {
     pub totals: Totals,
 }
 
+/// What a group felt outside its steps: with these its sums are those of the whole.
+#[derive(Debug, Clone, PartialEq)]
+pub struct OutsideSteps {
+    /// A patch or a region.
+    pub group: Group,
+    /// Loadings of which the recording has only a part: cut off by its begin, its end or a gap.
+    pub cut_off: usize,
+    /// Loadings below 5 % of the largest force of the group.
+    pub weak: usize,
+    /// The impulse outside of steps, in N s, also of readings below the threshold.
+    pub impulse: Option<f64>,
+    /// The time of load outside of steps, in s.
+    pub contact_time: Option<f64>,
+}
+
 /// Adds up a recording.
 ///
 /// It allocates only when a contact begins.
@@ -173,6 +188,34 @@ impl Summary {
     /// From now on also follows each loading of a patch or a region.
     pub fn follow_steps(&mut self) {
         self.steps = Some(Steps::new(self.loads.len() - self.starts[1]));
+    }
+
+    /// Whether each loading is followed.
+    pub fn follows_steps(&self) -> bool {
+        self.steps.is_some()
+    }
+
+    /// What the whole of each patch and region has beyond its steps; those that have nothing are left out, and all unless
+    /// steps are [followed](Self::follow_steps).
+    pub fn outside_steps(&self) -> Vec<OutsideSteps> {
+        let Some((steps, _)) = self.steps() else { return Vec::new() };
+        let [_, first, _] = self.starts;
+        let left_out = self.steps.iter().flat_map(Steps::left_out);
+        let outside = self.loads[first..].iter().zip(&self.totals[first..]).zip(left_out);
+        let outside = outside.map(|(((group, _), whole), [cut_off, weak])| {
+            let of_group = || steps.iter().filter(|step| step.group == *group).map(|step| &step.totals);
+            let beyond = |of: &dyn Fn(&Totals) -> Option<f64>| {
+                Some(of(whole)? - of_group().filter_map(of).sum::<f64>())
+            };
+            OutsideSteps {
+                group: *group,
+                cut_off,
+                weak,
+                impulse: beyond(&|totals| totals.impulse),
+                contact_time: beyond(&|totals| totals.contact_time),
+            }
+        });
+        outside.filter(|outside| outside.cut_off + outside.weak > 0).collect()
     }
 
     /// The steps so far, by their begin, and how many loadings are none because the recording has only a part of them; `None`

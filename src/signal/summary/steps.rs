@@ -5,6 +5,7 @@
 //! recording, or by a gap, is no step, and neither is what never reaches [`LEAST`] of the largest force of its group.
 
 use crate::signal::Tick;
+use crate::signal::clock::SAME_S;
 use crate::signal::summary::load::Load;
 use crate::signal::summary::totals::{Kept, Totals};
 
@@ -56,9 +57,7 @@ impl Steps {
     pub(super) fn list<G: Copy + Ord>(&self, groups: impl Iterator<Item = G>) -> Vec<(G, usize, Totals)> {
         let mut all = Vec::new();
         for (of, group) in self.groups.iter().zip(groups) {
-            let ended = of.open.as_ref().and_then(Loading::whole);
-            let last = ended.as_ref().map_or(0.0, largest);
-            let least = LEAST * of.strongest.max(last);
+            let (ended, least) = of.ended();
             let steps = of.whole.iter().chain(&ended).filter(|totals| largest(totals) >= least);
             all.extend(steps.enumerate().map(|(number, totals)| (group, number, totals.clone())));
         }
@@ -69,8 +68,17 @@ impl Steps {
 
     /// How many loadings are cut off by the begin or the end of the recording, or by a gap.
     pub(super) fn cut_off(&self) -> usize {
-        let is_open = |of: &OfGroup| of.open.as_ref().is_some_and(|open| open.whole().is_none());
-        self.groups.iter().map(|of| of.cut_off + usize::from(is_open(of))).sum()
+        self.left_out().map(|[cut_off, _]| cut_off).sum()
+    }
+
+    /// Of each group the loadings that are cut off, and those that are too weak.
+    pub(super) fn left_out(&self) -> impl Iterator<Item = [usize; 2]> + '_ {
+        self.groups.iter().map(|of| {
+            let is_open = of.open.as_ref().is_some_and(|open| open.whole().is_none());
+            let (ended, least) = of.ended();
+            let weak = of.whole.iter().chain(&ended).filter(|totals| largest(totals) < least);
+            [of.cut_off + usize::from(is_open), weak.count()]
+        })
     }
 }
 
@@ -88,6 +96,13 @@ impl Loading {
 }
 
 impl OfGroup {
+    /// The last loading, if it has ended, and the least force of a step.
+    fn ended(&self) -> (Option<Totals>, f64) {
+        let ended = self.open.as_ref().and_then(Loading::whole);
+        let last = ended.as_ref().map_or(0.0, largest);
+        (ended, LEAST * self.strongest.max(last))
+    }
+
     fn add(&mut self, time: f64, tick: Tick, load: &Load) {
         if tick.is_cut() {
             self.end();
@@ -99,7 +114,7 @@ impl OfGroup {
             match &open.ended {
                 _ if is_loaded => open.ended = None,
                 None => open.ended = Some((open.totals.clone(), time)),
-                Some((_, since)) if time - since >= PAUSE_S => self.end(),
+                Some((_, since)) if time - since >= PAUSE_S - SAME_S => self.end(),
                 Some(_) => {}
             }
         } else if is_loaded {

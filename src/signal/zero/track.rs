@@ -3,6 +3,7 @@
 use std::mem;
 
 use crate::numeric::{Csr, median_of, storable};
+use crate::signal::clock::SAME_S;
 use crate::signal::{QUANTISATION, RunningNoise};
 
 /// Excess over `sigma` from which a taxel is active or below its zero, and below which it is not active any more.
@@ -194,7 +195,7 @@ impl Track {
             let was_active = taxel.is_active;
             taxel.has_jumped = !was_active && d.abs() > JUMP * sigma;
             taxel.has_shifted = !was_active && d.abs() > SHIFT * sigma;
-            let is_starting = height > ACTIVE * sigma && self.now >= taxel.recovers_until;
+            let is_starting = height > ACTIVE * sigma && self.now >= taxel.recovers_until - SAME_S;
             taxel.is_active =
                 is_starting || (was_active && height > (RELEASED * sigma).max(RELEASED_SHARE * taxel.peak));
             if taxel.is_active {
@@ -202,7 +203,7 @@ impl Track {
                 self.active.push(k);
             } else if was_active && taxel.peak > STRONG * sigma {
                 taxel.recovers_until = self.now + RECOVERY_S;
-            } else if self.now < taxel.recovers_until {
+            } else if self.now < taxel.recovers_until - SAME_S {
                 if height.abs() < RECOVERY_SHARE * taxel.peak {
                     taxel.zero += recovered * x;
                     *excess = c - taxel.zero;
@@ -221,7 +222,7 @@ impl Track {
 
     /// Moves the zeros, after [`Self::see`].
     pub(super) fn follow(&mut self, neighbours: &Csr<u32>, interval: f64) {
-        if self.now < self.start.0 || self.frames as usize <= self.start.1 {
+        if self.now < self.start.0 - SAME_S || self.frames as usize <= self.start.1 {
             for (taxel, excess) in self.taxels.iter_mut().zip(&mut self.excess).filter(|(_, x)| x.is_finite())
             {
                 taxel.age += 1;
@@ -254,7 +255,7 @@ impl Track {
         let share = 1.0 - (-interval / FOLLOW_S).exp();
         let drift = if count >= COMMON && weight > 0.0 { share * sum / weight } else { 0.0 };
         self.drift += drift;
-        let is_estimated = self.now - self.estimated >= COEFFICIENTS_S;
+        let is_estimated = self.now - self.estimated >= COEFFICIENTS_S - SAME_S;
         if is_estimated {
             self.estimated = self.now;
         }
@@ -265,7 +266,7 @@ impl Track {
                 continue;
             }
             taxel.age += 1;
-            let is_young = self.now - taxel.zero_since < YOUNG_S;
+            let is_young = self.now - taxel.zero_since < YOUNG_S - SAME_S;
             let step = if is_blocked {
                 taxel.free_since = self.now;
                 taxel.coefficient * drift
@@ -278,7 +279,7 @@ impl Track {
             *excess -= step;
             if is_young {
                 taxel.anchor = [taxel.zero, self.drift];
-            } else if is_estimated && !is_blocked && self.now - taxel.free_since >= YOUNG_S {
+            } else if is_estimated && !is_blocked && self.now - taxel.free_since >= YOUNG_S - SAME_S {
                 let (own, common) = (taxel.zero - taxel.anchor[0], self.drift - taxel.anchor[1]);
                 let prior = PRIOR * taxel.sigma * taxel.sigma;
                 let found = (own * common + prior) / (common * common + prior);

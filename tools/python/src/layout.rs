@@ -42,6 +42,12 @@ pub(crate) struct PyLayout {
 }
 
 impl PyLayout {
+    /// A layout that the command has read.
+    pub(crate) fn of(layout: Layout) -> Self {
+        let path = layout.name().into();
+        Self { layout, path }
+    }
+
     fn new(path: PathBuf, read: impl FnOnce(&Path) -> Result<Layout, IoError>) -> PyResult<Self> {
         Ok(Self { layout: read(&path).map_err(error)?, path })
     }

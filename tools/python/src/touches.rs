@@ -14,6 +14,7 @@ use dermatome::{
         touches_from_bytes,
     },
     robot::Robot,
+    signal::Channel,
     skin::{Link, LinkId, Motion, TaxelId},
     touches::{
         Drawing, LogOfRows, RowSources, TouchReadings, TouchesOptions, contacts_of_touches_with, log_of_rows,
@@ -56,8 +57,8 @@ pub(crate) enum JointsArg {
     Table(PathBuf),
 }
 
-/// Times, ids and values; without ids of all taxels of the skin.
-type ReadingsArg<'py> = (Bound<'py, PyAny>, Option<Bound<'py, PyAny>>, Bound<'py, PyAny>);
+/// Times, ids, values, and name and unit of the channel; without ids of all taxels of the skin.
+type ReadingsArg<'py> = (Bound<'py, PyAny>, Option<Bound<'py, PyAny>>, Bound<'py, PyAny>, String, String);
 
 /// What a log needs besides itself, as a dict has it.
 #[derive(FromPyObject)]
@@ -99,7 +100,7 @@ impl TouchesArgs<'_> {
     }
 
     fn readings(&self) -> PyResult<Option<TouchReadings>> {
-        let Some((times, ids, values)) = &self.readings else { return Ok(None) };
+        let Some((times, ids, values, ..)) = &self.readings else { return Ok(None) };
         let values = floats("readings", values)?;
         let (frames, width) = match *values.shape() {
             [frames, width] => (frames, width),
@@ -188,6 +189,8 @@ pub(crate) fn contacts_of_log<'py>(
     let stiffness = arguments.stiffness.map(|stiffness| positive("stiffness", stiffness)).transpose()?;
     let skin = arguments.skin()?;
     let readings = arguments.readings()?;
+    let channel = arguments.readings.as_ref().map(|(.., name, unit)| Channel::new(name, unit).map_err(error));
+    let channel = channel.transpose()?;
     let mut remarks = Vec::new();
     let radius = arguments.radius.map(|radius| positive("radius", radius)).transpose()?;
     let TouchesArgs { threshold, pose, joints, link, arm_noise, skip, threads, .. } = arguments;
@@ -223,8 +226,11 @@ pub(crate) fn contacts_of_log<'py>(
         if let Some(readings) = &mut sources.readings {
             skin.as_deref().map_or(Ok(()), |skin| readings.assign(skin, &link))?;
             readings.threshold = threshold.unwrap_or_else(|| readings.above_noise());
-            let threshold = readings.threshold;
-            remarks.push(format!("taxels are active above {threshold:.3e}, in the unit of the readings"));
+            let above = readings.threshold;
+            remarks.push(format!("taxels are active above {above:.3e}, in the unit of the readings"));
+            if let Some(channel) = channel.filter(|_| stiffness.is_some()) {
+                readings.become_forces(&channel, taxel)?;
+            }
         }
         let made = sources.log(&rows, &mut remarks)?;
         let options = TouchesOptions {

@@ -298,15 +298,16 @@ def test_the_command_draws_a_container(tmp_path):
     said = command("render", "map.glb", path, *given, "-o", "o.npz", "--json", "--values-only", "--level", 0)
     assert said.returncode == 0 and "2 episodes" in said.stderr, said.stderr
     report = json.loads(said.stdout)
-    assert report["frames"] == 48 and report["matched"] == 768 and "layout" in [source for what, _, source in report["statements"] if what == "press"]
+    assert report["frames"] == 48 and report["matched"] == 768 and "layout" in [each["source"] for each in report["statements"] if each["what"] == "press"]
     read = Readings.open(path, layout=DATA / "layouts/pad_pair.json").read(pair)
     made = np.load(tmp_path / "o.npz")
     drawn = np.concatenate([made[f"{name}.L0.values"] for name in pair.patches], axis=2)
     assert np.allclose(drawn, read.values, atol=1e-6) and made["units"].tolist() == ["count"]
+    assert made["episode"].tolist() == [0] * 20 + [1] * 28
     assert command("render", "map.glb", path, *given, "-o", "p.npz", "--episode", 1, "--zero", "first=2").returncode == 0
     assert np.load(tmp_path / "p.npz")["timestamps"].shape == (28,)
     assert command("--color", "never", "--quiet", "render", "map.glb", path, *given, "-o", "r.npz").stderr == "" and (tmp_path / "r.npz").exists()
-    for wrong, match in ((["--zero", "first=2"], "--episode"), (["--events", "e.jsonl"], "--episode"), (["--episode", 7], "0 to 1"), (["--episode", "x"], "whole number")):
+    for wrong, match in ((["--episode", 7], "0 to 1"), (["--episode", "x"], "--episode")):
         said = command("render", "map.glb", path, *given, "-o", "q.npz", *wrong)
         assert said.returncode == 2 and match in said.stderr and not (tmp_path / "q.npz").exists()
     said = command("render", "map.glb", path, "-o", "q.npz")
@@ -314,6 +315,55 @@ def test_the_command_draws_a_container(tmp_path):
     assert command("layout", path, "-o", "draft.json").returncode == 0
     with pytest.raises(dermatome.DataError, match="draft.json"):
         Readings.open(path, layout=tmp_path / "draft.json")
+
+
+def test_the_border_of_an_episode_resets_everything(tmp_path):
+    """Every command reads a container, and its episodes together are what each is by itself, also where one ends in contact."""
+    h5py = pytest.importorskip("h5py")
+    map = dermatome.build(dermatome.Skin.from_arrays([[0.004 * c, 0.004 * r, 0] for r in range(9) for c in range(16)]))
+    map.write(tmp_path / "map.glb")
+    rng = np.random.default_rng(3)
+    with h5py.File(tmp_path / "two.h5", "w") as file:
+        for number, pressed in enumerate((slice(70, 100), slice(30, 60))):
+            values = np.round(rng.normal(0, 0.02, (100, 144)), 4) + 5 * number
+            values[pressed, 60:64] += 2
+            group = file.create_group(f"data/demo_{number}")
+            group["tactile"], group["timestamps"] = values, np.arange(100) / 20
+    channel = {"name": "force", "unit": "N"}
+    stated = {"axes": ["frame", "taxel"], "time": {"stream": "timestamps", "unit": "s"}, "stream": "data/demo_*/tactile"}
+    about = {"dermatome_layout": 1, **stated, "channels": [channel], "press": "raises", "zero": 0, "taxels": {"shape": [144], "first_id": 1}}
+    (tmp_path / "l.json").write_text(json.dumps(about))
+
+    def command(*args, codes=(0,)):
+        line = [sys.executable, "-m", "dermatome", *(str(each) for each in args)]
+        said = subprocess.run(line, capture_output=True, text=True, cwd=tmp_path)
+        assert said.returncode in codes, said.stderr
+        return said.stdout + said.stderr
+
+    def rows(name):
+        with open(tmp_path / name, newline="") as file:
+            return list(csv.DictReader(file))
+
+    given = ["map.glb", "two.h5", "--layout", "l.json", "--zero", "follow"]
+    made = {}
+    for episode in (None, 0, 1):
+        chosen = given if episode is None else [*given, "--episode", episode]
+        command("summary", *chosen, "--threshold", 0.5, "-o", "s.csv", "--over-time", "t.csv")
+        command("render", *chosen, "--threshold", 0.5, "-o", "v.npz", "--values-only", "--contacts", "c.csv", "--events", "e.jsonl")
+        events = [json.loads(line) for line in (tmp_path / "e.jsonl").read_text().splitlines()]
+        made[episode] = [rows("s.csv"), rows("t.csv"), rows("c.csv"), events]
+    for all_of_it, *parts in zip(*(made[episode] for episode in (None, 0, 1))):
+        assert all(parts), "each episode has rows"
+        numbered = [{"episode": str(number), **row} for number, part in enumerate(parts) for row in part]
+        plain = [{key: str(value) for key, value in row.items() if key != "frame"} for row in numbered]
+        assert [{key: str(value) for key, value in row.items() if key != "frame"} for row in all_of_it] == plain
+    assert "gap" not in [event["event"] for event in made[None][3]]
+    assert "--episode" in command("report", *given, "-o", "r.html", codes=(2,))
+    command("report", *given, "--episode", 1, "-o", "r.html")
+    command("plot", "map.glb", "--readings", "two.h5", "--layout", "l.json", "--frame", 50, "-o", "p.svg")
+    # Whether taxels are accused is another matter.
+    assert "2 recordings" in command("check", "map.glb", "--recording", "two.h5", "--layout", "l.json", codes=(0, 1))
+    assert "cannot read two.h5" in command("summary", *given, "--episode", 7, "-o", "s.csv", codes=(2,))
 
 
 @samples

@@ -9,11 +9,12 @@ mod regions;
 mod robot;
 mod values;
 
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
 
 use clap::ValueEnum;
-use dermatome::io::Outputs;
+use dermatome::io::{IoError, Outputs, ReadOptions, ReadingsReader};
 
 pub(crate) use coarsen::{AcuityArgs, CoarsenArgs};
 pub(crate) use flatten::{BoundaryArg, CutArg, FlattenArgs};
@@ -47,9 +48,32 @@ pub(crate) struct Common {
     /// The files that this run writes, and those that it reads.
     #[arg(skip)]
     pub(crate) outputs: Outputs,
+    /// Who reads files that the library does not.
+    #[arg(skip)]
+    pub(crate) containers: Containers,
     /// Steps of iterations so far.
     #[arg(skip)]
     pub(crate) steps: Arc<AtomicU64>,
+}
+
+/// Opens a recording that the library does not read itself; `None` if this is none that is read there.
+pub type OpenContainer = dyn Fn(&Path, &ReadOptions) -> Option<Result<ReadingsReader, IoError>> + Send + Sync;
+
+/// Who reads files that the library does not: Zarr, LeRobot, HDF5 and bags, in the Python package. Files are tried with it
+/// first.
+#[derive(Clone, Default)]
+pub struct Containers(pub Option<Arc<OpenContainer>>);
+
+impl Containers {
+    pub(crate) fn open(&self, path: &Path, options: &ReadOptions) -> Option<Result<ReadingsReader, IoError>> {
+        self.0.as_ref().and_then(|open| open(path, options))
+    }
+}
+
+impl std::fmt::Debug for Containers {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_tuple("Containers").field(&self.0.is_some()).finish()
+    }
 }
 
 impl Common {

@@ -59,6 +59,11 @@ impl ContactsArgs {
 }
 
 impl Contacts {
+    /// The frames that follow are of this episode.
+    pub(super) fn begin_episode(&mut self, number: u64) {
+        self.writer.iter_mut().for_each(|writer| writer.begin_episode(number));
+    }
+
     /// Writes the regions of a frame.
     pub(super) fn write(&mut self, step: &Step<'_>) -> Result<(), Error> {
         self.onsets += step.contacts.iter().filter(|region| region.event == ContactEvent::Onset).count();

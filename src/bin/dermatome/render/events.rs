@@ -39,6 +39,8 @@ pub(super) struct EventsArgs {
 pub(super) struct Events {
     map: Arc<SkinMap>,
     detector: EventDetector,
+    /// The episode of the frames, where episodes are told apart.
+    episode: Option<u64>,
     words: Vec<BodyWord>,
     path: OutFile,
     /// The lines, unless they are printed.
@@ -73,11 +75,28 @@ impl EventsArgs {
         let options = EventOptions { hit_n: self.hit_n, words: words.clone(), ..EventOptions::default() };
         let detector = EventDetector::new(map, options).map_err(Error::from)?;
         let (map, path) = (Arc::clone(map), path.clone());
-        Ok(Some(Events { map, detector, words, path, lines: String::new(), count: 0 }))
+        Ok(Some(Events { map, detector, episode: None, words, path, lines: String::new(), count: 0 }))
     }
 }
 
 impl Events {
+    /// The frames that follow are of this episode: what goes on ends with the one before.
+    pub(super) fn begin_episode(&mut self, number: u64) -> anyhow::Result<()> {
+        if self.episode.is_some_and(|before| before != number) {
+            self.end()?;
+            let options = self.detector.options().clone();
+            self.detector = EventDetector::new(&self.map, options).map_err(Error::from)?;
+        }
+        self.episode = Some(number);
+        Ok(())
+    }
+
+    /// Ends what goes on.
+    fn end(&mut self) -> anyhow::Result<()> {
+        let events = self.detector.finish().to_vec();
+        self.put(&events)
+    }
+
     /// Finds the events of a frame, and writes them.
     pub(super) fn write(&mut self, step: &Step<'_>) -> anyhow::Result<()> {
         let Some(tracker) = step.tracker else { return Ok(()) };
@@ -86,19 +105,16 @@ impl Events {
             SignalError::NoEventTime => advise(error.to_string(), "give --rate HZ"),
             other => Error::from(other).into(),
         })?;
-        let lines: String =
-            events.iter().map(|event| line(event, &self.map, &self.words)).collect::<Result<_, _>>()?;
-        self.count += events.iter().filter(|event| event.phase == Phase::End).count();
-        self.put(&lines)
+        if events.is_empty() {
+            return Ok(());
+        }
+        let events = events.to_vec();
+        self.put(&events)
     }
 
     /// Ends what goes on, completes the file, and counts the events that have ended.
     pub(super) fn finish(mut self, common: &Common) -> anyhow::Result<usize> {
-        let events = self.detector.finish();
-        let lines: String =
-            events.iter().map(|event| line(event, &self.map, &self.words)).collect::<Result<_, _>>()?;
-        self.count += events.iter().filter(|event| event.phase == Phase::End).count();
-        self.put(&lines)?;
+        self.end()?;
         if !is_stream(&self.path) {
             outputs::write_bytes(&common.outputs.file(&self.path), self.lines.as_bytes())
                 .map_err(Error::from)?;
@@ -106,22 +122,30 @@ impl Events {
         Ok(self.count)
     }
 
-    fn put(&mut self, lines: &str) -> anyhow::Result<()> {
-        if lines.is_empty() {
-            return Ok(());
+    fn put(&mut self, events: &[Event]) -> anyhow::Result<()> {
+        let line = |event: &Event| line(event, self.episode, &self.map, &self.words);
+        let lines: String = events.iter().map(line).collect::<Result<_, _>>()?;
+        self.count += events.iter().filter(|event| event.phase == Phase::End).count();
+        if is_stream(&self.path) && !lines.is_empty() {
+            return print(&lines);
         }
-        if is_stream(&self.path) {
-            return print(lines);
-        }
-        self.lines.push_str(lines);
+        self.lines.push_str(&lines);
         Ok(())
     }
 }
 
 /// A line of JSON: `dermatome.event/1` of docs/json.md.
-fn line(event: &Event, map: &SkinMap, words: &[BodyWord]) -> serde_json::Result<String> {
+fn line(
+    event: &Event,
+    episode: Option<u64>,
+    map: &SkinMap,
+    words: &[BodyWord],
+) -> serde_json::Result<String> {
     let mut object = Map::new();
     let mut put = |key: &str, value: Value| object.insert(key.to_owned(), value);
+    if let Some(number) = episode {
+        put("episode", json!(number));
+    }
     put("event", json!(<&str>::from(event.word)));
     put("phase", json!(<&str>::from(event.phase)));
     if let [contact] = event.contacts[..] {

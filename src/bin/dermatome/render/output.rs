@@ -218,6 +218,11 @@ impl<'a> Output<'a> {
         })
     }
 
+    /// The frames that follow are of this episode.
+    pub(super) fn begin_episode(&mut self, number: u64) -> Result<(), Error> {
+        if let Self::Array(writer) = self { Ok(writer.begin_episode(number)?) } else { Ok(()) }
+    }
+
     /// Writes a frame.
     pub(super) fn write(&mut self, step: &Step<'_>, channels: &[Channel]) -> anyhow::Result<()> {
         let Step { number, frame, levels, images, .. } = *step;

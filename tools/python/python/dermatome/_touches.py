@@ -59,7 +59,7 @@ def touches(
     taxel_radius : float
         Radius of the disc on which a taxel feels, in m (0.002).
     stiffness : float, optional
-        Pressure over depth, in Pa/m, if readings are forces in N; by default it is estimated.
+        Pressure over depth, in Pa/m, if readings are forces or pressures, without a unit in N; by default it is estimated.
     arm_noise : float, optional
         Noise of the arm's position, in m per axis; by default it is estimated.
     skip : iterable of int
@@ -109,7 +109,7 @@ def touches(
     return contacts_of_log({"text": table("log", log)}, arguments)
 
 
-def _readings(source: Readings | str | os.PathLike[str], has_skin: bool) -> tuple[Any, Any, Any]:
+def _readings(source: Readings | str | os.PathLike[str], has_skin: bool) -> tuple[Any, Any, Any, str, str]:
     """Times, ids or None, and values."""
     from dermatome._readings import Readings
 
@@ -119,7 +119,7 @@ def _readings(source: Readings | str | os.PathLike[str], has_skin: bool) -> tupl
         raise DataError(f"readings: found {readings.values.shape[1]} channels; needed: a recording with one")
     if readings.ids is None and not has_skin:
         raise DataError("readings: found no ids of taxels; needed: ids, or skin, whose taxels the columns are in its order")
-    return readings.timestamps, readings.ids, readings.values[:, 0]
+    return readings.timestamps, readings.ids, readings.values[:, 0], readings.channels[0], readings.units[0]
 
 
 touches.__module__ = "dermatome"

@@ -1,0 +1,128 @@
+//! Recordings that Python reads, for the command: a function that opens them, and blocks of their frames.
+
+use std::{
+    ffi::OsString,
+    io,
+    path::{Path, PathBuf},
+    process::ExitCode,
+    sync::Arc,
+};
+
+use dermatome::{
+    io::{Block, IoError, KnownRest, ReadOptions, Readings, ReadingsReader, Statement, StatementSource},
+    signal::Channel,
+    skin::TaxelId,
+};
+use dermatome_command::Containers;
+use numpy::{PyReadonlyArray1, PyReadonlyArray3};
+use pyo3::{exceptions::PyStopIteration, prelude::*};
+
+use crate::{errors::error, layout::PyLayout};
+
+/// Run the command.
+///
+/// Output goes to the standard streams of the process, and a signal that stops the run ends the process.
+///
+/// Parameters
+/// ----------
+/// args : sequence of str
+///     The arguments, the first of which is the command's own name.
+/// open : callable, optional
+///     `open(path, stream, layout, episode)` opens a recording that the library does not read: the number of frames of each
+///     episode, and an iterator of blocks; None if it is none. A block is episode, ids, channels, units, times, values,
+///     whether readings are about 0 at rest, threshold and statements.
+///
+/// Returns
+/// -------
+/// int
+///     The exit code.
+#[pyfunction]
+#[pyo3(signature = (args, open=None))]
+pub(crate) fn run_command(py: Python<'_>, args: Vec<OsString>, open: Option<Py<PyAny>>) -> u8 {
+    let containers = open.map_or_else(Containers::default, containers);
+    let code = py.detach(|| dermatome_command::run_with(args, containers));
+    (0..=u8::MAX).find(|&number| ExitCode::from(number) == code).unwrap_or(u8::MAX)
+}
+
+fn containers(open: Py<PyAny>) -> Containers {
+    let open =
+        move |path: &Path, options: &ReadOptions| Python::attach(|py| opened(py, &open, path, options));
+    Containers(Some(Arc::new(open)))
+}
+
+/// The recording at a path, if `open` knows it.
+fn opened(
+    py: Python<'_>,
+    open: &Py<PyAny>,
+    path: &Path,
+    options: &ReadOptions,
+) -> Option<Result<ReadingsReader, IoError>> {
+    let call = || -> PyResult<Option<(Vec<u64>, Py<PyAny>)>> {
+        let layout = options.layout.clone().map(|layout| Py::new(py, PyLayout::of(layout))).transpose()?;
+        let found = open.call1(py, (path, options.stream.as_deref(), layout, options.episode))?;
+        found.extract(py)
+    };
+    match call() {
+        Ok(found) => found.map(|(lengths, blocks)| {
+            ReadingsReader::blocks(path, &lengths, Blocks { path: path.into(), blocks })
+        }),
+        Err(error) => Some(Err(unreadable(py, path, &error))),
+    }
+}
+
+/// An exception as an error of the library; its message names the path already.
+fn unreadable(py: Python<'_>, path: &Path, error: &PyErr) -> IoError {
+    let message = error.value(py).to_string();
+    let message = message.strip_prefix(&format!("{}: ", path.display())).unwrap_or(&message);
+    IoError::Read { path: path.into(), source: io::Error::other(message.to_owned()) }
+}
+
+/// An iterator of Python.
+struct Blocks {
+    path: PathBuf,
+    blocks: Py<PyAny>,
+}
+
+impl Iterator for Blocks {
+    type Item = Result<Block, IoError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        Python::attach(|py| match self.blocks.call_method0(py, "__next__") {
+            Ok(made) => Some(block(made.bind(py)).map_err(|error| unreadable(py, &self.path, &error))),
+            Err(error) if error.is_instance_of::<PyStopIteration>(py) => None,
+            Err(error) => Some(Err(unreadable(py, &self.path, &error))),
+        })
+    }
+}
+
+/// What is known, its value, and who says so.
+type Said = Vec<(String, String, String)>;
+
+fn block(made: &Bound<'_, PyAny>) -> PyResult<Block> {
+    let item = |k: usize| made.get_item(k);
+    let (names, units): (Vec<String>, Vec<String>) = (item(2)?.extract()?, item(3)?.extract()?);
+    let channels = names.iter().zip(&units).map(|(name, unit)| Channel::new(name, unit).map_err(error));
+    let ids: PyReadonlyArray1<'_, u32> = item(1)?.extract()?;
+    let times: PyReadonlyArray1<'_, f64> = item(4)?.extract()?;
+    let values: PyReadonlyArray3<'_, f64> = item(5)?.extract()?;
+    let said: Said = item(8)?.extract()?;
+    let source = |word: &str| match word {
+        "file" => StatementSource::File,
+        "argument" => StatementSource::Argument,
+        "checked" => StatementSource::Checked,
+        _ => StatementSource::Layout,
+    };
+    let statement = |(what, value, by): (String, String, String)| Statement::new(what, value, source(&by));
+    Ok(Block {
+        episode: item(0)?.extract()?,
+        readings: Readings {
+            width: ids.as_array().len(),
+            ids: Some(ids.as_array().iter().map(|&id| TaxelId(id)).collect()),
+            channels: channels.collect::<PyResult<_>>()?,
+            times: times.as_array().to_vec(),
+            values: values.as_slice()?.to_vec(),
+            rest: KnownRest { is_zero: item(6)?.extract()?, threshold: item(7)?.extract()? },
+        },
+        statements: said.into_iter().map(statement).collect(),
+    })
+}
