@@ -38,6 +38,7 @@ pub mod skin;
 pub mod robot;
 #[cfg(feature = "robots")]
 pub mod remesh;
+pub mod design;
 pub mod calib;
 pub mod diff;
 pub mod cut;
@@ -54,6 +55,8 @@ pub mod contact;
 pub mod io;
 #[cfg(feature = "plot")]
 pub mod plot;
+#[cfg(feature = "plot")]
+pub mod pattern;
 pub mod report;
 mod error;
 pub mod recording;
