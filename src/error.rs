@@ -15,6 +15,8 @@ pub enum Error {
     #[error(transparent)]
     Remesh(#[from] crate::remesh::RemeshError),
     #[error(transparent)]
+    Design(#[from] crate::design::DesignError),
+    #[error(transparent)]
     Calib(#[from] crate::calib::CalibError),
     #[error(transparent)]
     Cut(#[from] crate::cut::CutError),
@@ -110,6 +112,7 @@ kinds!(
     Skin(crate::skin::SkinError),
     #[cfg(feature = "robots")]
     Remesh(crate::remesh::RemeshError),
+    Design(crate::design::DesignError),
     Calib(crate::calib::CalibError),
     Cut(crate::cut::CutError),
     Pyramid(crate::pyramid::PyramidError),

@@ -38,6 +38,7 @@ pub mod skin;
 pub mod robot;
 #[cfg(feature = "robots")]
 pub mod remesh;
+pub mod design;
 pub mod calib;
 pub mod diff;
 pub mod cut;

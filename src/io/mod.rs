@@ -105,6 +105,9 @@ pub use table::calibration::{
 pub use table::contacts::{
     ContactRow, ContactRows, MapCoordinates, MapPlaceRow, MapPlaceRows, read_contacts, read_map_places,
 };
+pub use table::design::{
+    ModuleRow, PlacedModules, read_module, read_placed_modules, write_chains, write_placed_modules,
+};
 pub use table::diff::write_diff;
 #[cfg(feature = "robots")]
 pub use table::joints::{JointTable, read_joint_values};

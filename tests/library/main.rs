@@ -12,6 +12,7 @@ mod common;
 mod contact;
 mod contacts;
 mod cut;
+mod design;
 mod diff;
 mod events;
 mod extremes;

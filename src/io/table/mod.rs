@@ -8,6 +8,7 @@ pub(super) mod by_taxel;
 pub(super) mod calibration;
 pub(super) mod cells;
 pub(super) mod contacts;
+pub(super) mod design;
 pub(super) mod diff;
 #[cfg(feature = "robots")]
 pub(super) mod joints;

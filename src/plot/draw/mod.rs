@@ -8,4 +8,5 @@ mod outline;
 mod panel;
 mod view_3d;
 
+pub(crate) use camera::Camera;
 pub(crate) use panel::Panel;

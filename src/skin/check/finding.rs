@@ -153,6 +153,11 @@ finding_kinds! { n;
     Warning DuplicateId { ids: usize } =>
         "{} share {}: readings cannot distinguish them", count(n, "taxel", "taxels"), count(*ids, "id", "ids");
     Warning PlaceholderId => "{} a placeholder id: 0 or {}", count(n, "taxel has", "taxels have"), u32::MAX;
+    /// Modules whose taxels have other distances than those of most: no rigid or bent module lies as drawn.
+    Warning ModulesNotCongruent { modules: usize, of: usize, most: f64 } =>
+        "{modules} of {of} modules {} not congruent with the others: neighbouring taxels are up to {most:.0} % nearer or farther apart, \
+          as if a lattice had been stretched over the surface",
+        are(*modules);
     Warning NormalNotUnit => "{} a normal that is not a unit vector", count(n, "vertex has", "vertices have");
     Warning UnusableTangent => "{} a tangent that is not a unit vector or is parallel to the normal",
         count(n, "vertex has", "vertices have");

@@ -2,6 +2,7 @@
 
 mod finding;
 mod gaps;
+mod modules;
 mod shape;
 mod taxels;
 mod topology;
@@ -135,6 +136,7 @@ fn check_sheet(sheet: &Sheet, links: usize, options: &AssembleOptions) -> Vec<Fi
         report.add(FindingKind::TooLarge, Elements::Whole);
     } else {
         check_surface(sheet, options, &mut report);
+        modules::check_congruent(sheet, &mut report);
     }
     report.findings.sort_by_key(Finding::severity);
     report.findings
