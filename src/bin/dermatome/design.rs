@@ -197,7 +197,7 @@ fn note_inner_sides(skin: &Skin, common: &Common) {
         sheets: skin.patches.iter().map(sheet).collect(),
         ..Draft::default()
     };
-    let dropped = keep_outer(&mut draft);
+    let dropped = keep_outer(&mut draft).faces;
     if dropped > 0 {
         note!(
             common,
