@@ -92,6 +92,7 @@ fn every_object_keeps_to_its_schema() {
     keep("touches", &run(at, "touches log.csv -o contacts.csv --json"));
     keep("check", &run(at, "check two.obj --json"));
     keep("coarsen", &run(at, "coarsen ring.obj -o c.glb --json"));
+    keep("design", &run(at, "design cap.glb -o d --module triangle:15mm --bend-radius 20mm --json"));
     keep("diff", &run(at, "diff cap.glb larger.glb --json"));
     keep("flatten", &run(at, "flatten ring.obj -o f.obj --json"));
     keep("info", &run(at, "info cap.glb --json"));

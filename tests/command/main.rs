@@ -10,6 +10,7 @@ mod cli;
 #[path = "../common/mod.rs"]
 mod common;
 mod cuts;
+mod design;
 mod events;
 mod experiment;
 mod export;

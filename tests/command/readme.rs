@@ -57,7 +57,7 @@ fn run(folder: &Path, line: &str) -> String {
 #[test]
 fn every_command_of_the_readme_works() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let pages = ["README.md", "docs/experiment.md", "meshes/README.md"];
+    let pages = ["README.md", "docs/experiment.md", "docs/design.md", "meshes/README.md"];
     let pages = pages.map(|page| fs::read_to_string(root.join(page)).unwrap());
     let commands = commands(&pages.concat());
     assert!(commands.len() >= 6, "the tour shows at least six subcommands, found {commands:?}");

@@ -16,7 +16,7 @@ pub(crate) fn with_ends(mut command: Command) -> Command {
 }
 
 /// The words and the examples of each subcommand.
-const ENDS: [(&str, &str, &[&str]); 22] = [
+const ENDS: [(&str, &str, &[&str]); 23] = [
     (
         "bench",
         OF_COSTS,
@@ -43,6 +43,11 @@ const ENDS: [(&str, &str, &[&str]); 22] = [
     ("coarsen", OF_LEVELS, &["dermatome coarsen meshes/forearm.glb -o levels.glb"]),
     ("completions", "", &["dermatome completions bash"]),
     ("convert", "", &["dermatome convert meshes/forearm.glb forearm.csv"]),
+    (
+        "design",
+        "",
+        &["dermatome design meshes/arm.urdf -o designed --links forearm --module triangle:32.2mm --bend-radius 20mm"],
+    ),
     (
         "diff",
         "",

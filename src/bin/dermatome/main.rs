@@ -8,6 +8,7 @@ mod check;
 mod coarsen;
 mod console;
 mod convert;
+mod design;
 mod diff;
 mod export;
 mod files;
@@ -67,6 +68,8 @@ enum Command {
     Coarsen(coarsen::Args),
     /// Convert a skin or mesh to another file format.
     Convert(convert::Args),
+    /// Design a skin: modules on a surface, their wiring, and their pattern at 1:1.
+    Design(design::Args),
     /// List what changed between two files of one skin: exit code 1 if anything did.
     Diff(diff::Args),
     /// Export a map to simulators, robots and tables.
@@ -166,6 +169,7 @@ fn run_command(cli: &Cli) -> anyhow::Result<ExitCode> {
         Command::Check(args) => check::run(args, common),
         Command::Coarsen(args) => coarsen::run(args, common),
         Command::Convert(args) => convert::run(args, common),
+        Command::Design(args) => design::run(args, common),
         Command::Diff(args) => diff::run(args, common),
         Command::Export(args) => export::run(args, common),
         Command::Flatten(args) => flatten::run(args, common),
@@ -214,7 +218,7 @@ mod tests {
     }
 
     /// Values of options that have no list of words and no default, by the name of their value.
-    const SOUND: [(&str, &str); 37] = [
+    const SOUND: [(&str, &str); 38] = [
         ("AZIMUTH,ELEVATION", "-65,-45"),
         ("D", "5"),
         ("DEG", "10"),
@@ -235,6 +239,7 @@ mod tests {
         ("MM", "5"),
         ("MM,...", "5,10"),
         ("MM[,MM]", "5,8"),
+        ("MODULE", "triangle:32mm"),
         ("N", "3"),
         ("NAME=DIR", "a=."),
         ("PERCENT", "5"),

@@ -10,6 +10,7 @@ use dermatome::Error;
 use dermatome::atlas::AtlasError;
 use dermatome::calib::CalibError;
 use dermatome::cut::CutError;
+use dermatome::design::DesignError;
 use dermatome::diff::DiffError;
 use dermatome::flatten::FlattenError;
 use dermatome::image::ImageError;
@@ -155,6 +156,17 @@ fn option_help(error: &Error) -> &'static str {
                 "give the taxels triangles, or normals that distinguish the sides of thin parts; check --unit"
             }
             _ => CORRECT,
+        },
+        Error::Design(e) => match e {
+            DesignError::Module { .. } => "correct the drawing of the module, or give --module triangle:L",
+            DesignError::TooLarge { .. } => {
+                "give a smaller --module; --unit mm reads a file in millimetres, --patch and --links take others"
+            }
+            DesignError::TooMany { .. } => "give a larger --module; --unit says the unit of the file",
+            DesignError::NothingFits { .. } => {
+                "give a smaller --module or a larger --tolerance; --bend-radius lets modules bend"
+            }
+            _ => "change the option: `dermatome help design` lists what each takes",
         },
         Error::Diff(e) => match e {
             DiffError::NothingShared { .. } => {

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use clap::{Arg, ArgMatches, Command, ValueHint};
 
 use crate::options::{
-    BoundaryArg, CutArg, InPath, JointsArg, LayoutArg, MayRead, ModulesArg, OutFile, OutFolder, RegionSource,
-    SkipArg,
+    BoundaryArg, CutArg, InPath, JointsArg, LayoutArg, MayRead, ModuleArg, ModulesArg, OutFile, OutFolder,
+    RegionSource, SkipArg,
 };
 
 /// The paths of an invocation.
@@ -25,6 +25,7 @@ impl GivenPaths {
         inputs.extend(all_read::<JointsArg>(given));
         inputs.extend(all_read::<LayoutArg>(given));
         inputs.extend(all_read::<RegionSource>(given));
+        inputs.extend(all_read::<ModuleArg>(given));
         inputs.extend(all_read::<ModulesArg>(given));
         inputs.extend(all_read::<SkipArg>(given));
         Self { inputs, files: all::<OutFile>(given), folders: all::<OutFolder>(given) }
@@ -54,6 +55,7 @@ pub(crate) fn with_hints(command: Command) -> Command {
             TypeId::of::<BoundaryArg>(),
             TypeId::of::<LayoutArg>(),
             TypeId::of::<RegionSource>(),
+            TypeId::of::<ModuleArg>(),
             TypeId::of::<ModulesArg>(),
             TypeId::of::<SkipArg>(),
         ];

@@ -19,7 +19,8 @@ pub(crate) use coarsen::{AcuityArgs, CoarsenArgs};
 pub(crate) use flatten::{BoundaryArg, CutArg, FlattenArgs};
 pub(crate) use patches::{PatchArgs, pattern};
 pub(crate) use paths::{
-    InPath, LayoutArg, MayRead, ModulesArg, OutFile, OutFolder, SkipArg, layout_arg, modules_arg, skip_arg,
+    InPath, LayoutArg, MayRead, ModuleArg, ModulesArg, OutFile, OutFolder, SkipArg, layout_arg, module_arg,
+    modules_arg, skip_arg,
 };
 pub(crate) use read::{ReadArgs, Spacing, Unit};
 pub(crate) use regions::{RegionSource, RegionsArgs};

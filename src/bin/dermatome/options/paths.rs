@@ -5,7 +5,11 @@ use std::ffi::OsString;
 use std::ops::Deref;
 use std::path::{Path, PathBuf};
 
-use dermatome::io::{ReadingsLayout, file_kind};
+use dermatome::Error;
+use dermatome::design::Module;
+use dermatome::io::{ReadingsLayout, file_kind, read_module};
+
+use crate::options::values::side_mm;
 
 macro_rules! paths {
     ($($(#[$doc:meta])* $name:ident),*) => {$(
@@ -112,9 +116,55 @@ pub(crate) enum ModulesArg {
     Table(PathBuf),
 }
 
+/// A module to design with: one with a name and a size, or a drawing.
+#[derive(Debug, Clone)]
+pub(crate) enum ModuleArg {
+    Known(Module),
+    File(PathBuf),
+}
+
+/// A parser of [`ModuleArg`].
+pub(crate) fn module_arg(text: &str) -> Result<ModuleArg, String> {
+    let sides = |sides: &str| sides.split(':').map(|side| side_mm(side).ok()).collect::<Option<Vec<_>>>();
+    let known = text.split_once(':').and_then(|(kind, rest)| match (kind, &sides(rest)?[..]) {
+        ("triangle", &[side]) => Some(Module::triangle(side)),
+        ("hexagon", &[side]) => Some(Module::hexagon(side)),
+        ("rectangle", &[width, height]) => Some(Module::rectangle(width, height)),
+        _ => None,
+    });
+    match known {
+        Some(module) => Ok(ModuleArg::Known(module)),
+        None if file_kind(Path::new(text)) == "csv" => Ok(ModuleArg::File(text.into())),
+        None => {
+            Err("needed: triangle:L, hexagon:L or rectangle:W:H with lengths as in 32mm, or a .csv".into())
+        }
+    }
+}
+
+impl ModuleArg {
+    /// The module.
+    ///
+    /// # Errors
+    /// If its file cannot be read, or has no module.
+    pub(crate) fn read(&self) -> anyhow::Result<Module> {
+        let module = match self {
+            Self::Known(module) => module.clone(),
+            Self::File(path) => read_module(path).map_err(Error::from)?,
+        };
+        module.validate().map_err(Error::from)?;
+        Ok(module)
+    }
+}
+
+impl MayRead for ModuleArg {
+    fn file(&self) -> Option<&Path> {
+        if let Self::File(path) = self { Some(path) } else { None }
+    }
+}
+
 /// A parser of [`ModulesArg`].
 pub(crate) fn modules_arg(text: &str) -> Result<ModulesArg, String> {
-    match text.parse() {
+    match text.strip_prefix("ids/").unwrap_or(text).parse() {
         Ok(0) => Err("needed: a number of taxels from 1 on, or a table".into()),
         Ok(size) => Ok(ModulesArg::Of(size)),
         Err(_) => Ok(ModulesArg::Table(text.into())),
