@@ -187,13 +187,13 @@ fn inner_sides_are_hinted_at() {
     let folder = tempfile::tempdir().unwrap();
     let arm = "<link name='arm'><visual><geometry><mesh filename='shell.obj'/></geometry></visual></link>";
     fs::write(folder.path().join("r.urdf"), format!("<robot name='r'>{arm}</robot>")).unwrap();
-    let mut shell = Skin::from_mesh("outer", shapes::ball(12, 0.1));
-    let mut inner = shapes::ball(12, 0.095);
+    let mut shell = Skin::from_mesh("outer", shapes::ball(8, 0.04));
+    let mut inner = shapes::ball(8, 0.037);
     inner.triangles.iter_mut().for_each(|t| t.swap(1, 2));
     let link = shell.patches.iter().next().unwrap().link;
     shell.patches.push(Patch::from_mesh("inner", link, inner));
     write_skin(&folder.path().join("shell.obj"), &shell).unwrap();
-    let flags = "--module triangle:20mm --bend-radius 20mm";
+    let flags = "--module triangle:24mm --bend-radius 20mm";
     dermatome(&folder, &format!("design r.urdf -o d {flags}")).assert().success().stderr(contains("--outer"));
     let run = dermatome(&folder, &format!("design r.urdf -o d {flags} --outer --json")).assert().success();
     assert_eq!(json(&run.get_output().stdout)["patches"].as_array().unwrap().len(), 1);

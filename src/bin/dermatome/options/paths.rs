@@ -11,8 +11,6 @@ use dermatome::io::{ReadingsLayout, file_kind, read_module};
 
 use crate::options::values::side_mm;
 
-use crate::options::{BoundaryArg, CutArg, JointsArg, RegionSource};
-
 macro_rules! paths {
     ($($(#[$doc:meta])* $name:ident),*) => {$(
         $(#[$doc])*
