@@ -24,7 +24,7 @@ pub(crate) use paths::{
 pub(crate) use read::{ReadArgs, Spacing, Unit};
 pub(crate) use regions::{RegionSource, RegionsArgs};
 pub(crate) use robot::{JointsArg, RobotArgs, joints};
-pub(crate) use values::{Choice, PROBES, length, length_mm, number, one_of, side_mm, word_of};
+pub(crate) use values::{Choice, PROBES, length, length_mm, length_or_0, number, one_of, side_mm, word_of};
 
 /// Options that every subcommand takes.
 #[derive(Debug, Clone, clap::Args)]
