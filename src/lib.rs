@@ -44,6 +44,7 @@ pub mod diff;
 pub mod cut;
 pub mod pyramid;
 pub mod flatten;
+pub mod body;
 pub mod map;
 pub mod atlas;
 pub mod unfold;

@@ -2,6 +2,7 @@
 
 use glam::DVec2;
 
+use crate::body::BodyTaxel;
 use crate::cut::PlaceId;
 use crate::flatten::Distortion;
 use crate::id::VertexId;
@@ -75,6 +76,17 @@ pub enum MapError {
     OutsideMap { region: String, patch: String, corner: usize, at: DVec2, low: DVec2, high: DVec2 },
     #[error("region {region:?}: sides {first} and {second} of the polygon cross each other; none may")]
     Crosses { region: String, first: usize, second: usize },
+    #[error(
+        "gap link {link} joins vertex {} of patch {} and vertex {} of patch {}, counted from 0; links join two taxels \
+         of the map, each pair once, in ascending order",
+        ends[0].taxel.raw(), ends[0].patch.raw(), ends[1].taxel.raw(), ends[1].patch.raw()
+    )]
+    GapLink { link: usize, ends: [BodyTaxel; 2] },
+    #[error(
+        "body level {level:?}: it must have fewer fields than the {before} of the level before, a row of weights that sum \
+         to 1 for each of those, and taxels of the map as centres"
+    )]
+    BodyLevel { level: LevelId, before: usize },
     /// A level whose map loses a triangle when it is rounded to the `f32` of a file.
     #[error("a map file cannot represent it: found {found}; needed: {needed}")]
     Rounded { found: String, needed: String },

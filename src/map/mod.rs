@@ -12,6 +12,7 @@ use std::borrow::Cow;
 
 use glam::{DAffine3, DVec2, DVec3};
 
+use crate::body::{Body, BodyRows, BodyTaxel, Gap, body_levels, gap_links, is_valid, shrinks};
 use crate::cut::{CutMesh, PlaceId, seam_length};
 use crate::flatten::{Convergence, Distortion, distortion};
 use crate::id::{FaceId, IdVec, VertexId};
@@ -333,6 +334,8 @@ pub struct SkinMap {
     pub patches: IdVec<PatchId, PatchMap>,
     /// How the links may move.
     pub animations: Vec<Motion>,
+    /// What joins the patches, with the links at rest; nothing in a map of one patch.
+    pub body: Body,
 }
 
 impl SkinMap {
@@ -386,6 +389,7 @@ impl SkinMap {
             links: skin.links.clone(),
             patches: skin.patches.map(patch),
             animations: skin.animations.clone(),
+            body: Body::default(),
         }
     }
 
@@ -402,7 +406,54 @@ impl SkinMap {
     /// The first broken rule, with patch, level and element.
     pub fn validate(&self) -> Result<(), MapError> {
         check_patches(&self.links, self.patches.iter().map(|p| (p.name.as_str(), p.link, &p.taxels)))?;
-        self.patches.iter().try_for_each(PatchMap::validate)
+        self.patches.iter().try_for_each(PatchMap::validate)?;
+        self.check_body()
+    }
+
+    /// Checks that the links of the body are ascending pairs of taxels.
+    fn check_body(&self) -> Result<(), MapError> {
+        let exists = |end: &BodyTaxel| {
+            self.patches.get(end.patch).is_some_and(|patch| end.taxel.index() < patch.taxels.ids.len())
+        };
+        let links = &self.body.links;
+        let is_wrong = |(k, ends): &(usize, &[BodyTaxel; 2])| {
+            let is_ascending = ends[0] < ends[1] && links.get(k + 1).is_none_or(|next| *ends < next);
+            !(is_ascending && ends.iter().all(exists))
+        };
+        if let Some((link, ends)) = links.iter().enumerate().find(is_wrong) {
+            return Err(MapError::GapLink { link, ends: *ends });
+        }
+        let mut before = self.coarsest().iter().map(|level| level.origins.len()).sum();
+        for (number, level) in self.body.levels.enumerate() {
+            if !(is_valid(level, before, exists) && shrinks(&level.origins, before)) {
+                return Err(MapError::BodyLevel { level: number, before });
+            }
+            before = level.origins.len();
+        }
+        Ok(())
+    }
+
+    /// The coarsest level of each patch.
+    fn coarsest(&self) -> IdVec<PatchId, &Level> {
+        self.patches.iter().filter_map(|patch| patch.levels.iter().last()).map(|map| &map.level).collect()
+    }
+
+    /// Finds what joins the patches, over gaps of at most `across` (m).
+    pub(crate) fn find_body(&mut self, across: Option<f64>) {
+        let skin = self.skin();
+        let links = gap_links(&skin, across);
+        let levels = body_levels(&skin, &links, &self.coarsest());
+        self.body = Body { links, levels };
+    }
+
+    /// The taxels in terms of the fields of the body levels.
+    pub fn body_rows(&self) -> BodyRows {
+        BodyRows::new(&self.body, &self.coarsest())
+    }
+
+    /// The gaps between patches, and how wide they are.
+    pub fn gaps(&self) -> Vec<Gap> {
+        if self.body.links.is_empty() { Vec::new() } else { self.body.gaps(&self.skin()) }
     }
 
     /// The skin that was mapped: level 0 of every patch.

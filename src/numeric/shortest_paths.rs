@@ -27,17 +27,35 @@ impl Ord for Reached {
 /// `graph` has the neighbours of each vertex with the lengths of edges, which are not negative.
 pub(crate) fn distances_from(graph: &Csr<(u32, f64)>, from: usize, distances: &mut [f64]) {
     distances.fill(f64::INFINITY);
+    each_by_distance(graph, from, distances, &mut Vec::new(), |_, _| true);
+}
+
+/// Visits the vertices by their distance from one, which comes first, until `visit` is false. `distances` and `reached` are
+/// scratch: the former is infinite but for the vertices that the latter lists.
+pub(crate) fn each_by_distance(
+    graph: &Csr<(u32, f64)>,
+    from: usize,
+    distances: &mut [f64],
+    reached: &mut Vec<u32>,
+    mut visit: impl FnMut(u32, f64) -> bool,
+) {
+    reached.drain(..).for_each(|v| distances[v as usize] = f64::INFINITY);
     distances[from] = 0.0;
     let mut heap: BinaryHeap<Reached> = u32::try_from(from).into_iter().map(|v| Reached(0.0, v)).collect();
+    reached.extend(u32::try_from(from));
     while let Some(Reached(distance, v)) = heap.pop() {
         if distance > distances[v as usize] {
             continue;
+        }
+        if !visit(v, distance) {
+            return;
         }
         for &(w, length) in &graph[v as usize] {
             let further = distance + length;
             if further < distances[w as usize] {
                 distances[w as usize] = further;
                 heap.push(Reached(further, w));
+                reached.push(w);
             }
         }
     }

@@ -123,7 +123,7 @@ fn ended(event: &Event) -> EndedEvent {
         area: contact.area,
         length: contact.length,
         direction: contact.direction,
-        taxels: contact.taxels.len(),
+        taxels: contact.taxels.len() + contact.beyond.len(),
         peak: contact.peak_taxel.raw(),
     });
     let (begin, duration, contacts) = (event.begin, event.duration, event.contacts.clone());

@@ -162,7 +162,7 @@ fn contact_row(frame: usize, region: &ContactRegion) -> ContactRow {
     let force = Some(region.force).filter(|force| force.is_finite());
     let (u, v) = region.map.into();
     let peak = region.peak_taxel.raw();
-    let (patch, taxels) = (region.patch.index(), region.taxels.len());
+    let (patch, taxels) = (region.patch.index(), region.taxels.len() + region.beyond.len());
     (frame, region.track, event, patch, taxels, region.area, force, u, v, peak)
 }
 

@@ -79,6 +79,7 @@ pub fn build_finest(skin: &Skin, options: &BuildOptions, run: Run<'_>) -> Result
     let built = build_for(skin, &options, Numbers::F64, run)?;
     let mut map = Arc::unwrap_or_clone(built.map);
     map.patches.iter_mut().for_each(|patch| patch.keep_finest(1));
+    map.find_body(options.across);
     let left_out = built.left_out.map(|_| 0);
     Ok(Built { map: Arc::new(map), left_out, ..built })
 }
@@ -189,11 +190,12 @@ fn build_for(skin: &Skin, options: &BuildOptions, numbers: Numbers, run: Run<'_>
     let flattened_in = start.elapsed() - coarsened_in;
     let (patches, mut made): (Vec<_>, Vec<(usize, bool)>) = maps.into_iter().unzip();
     let (links, animations) = (named_links(&skin.links), skin.animations.clone());
-    let mut map = SkinMap { links, patches: patches.into(), animations };
+    let mut map = SkinMap { links, patches: patches.into(), animations, ..SkinMap::default() };
     let enlarged = match (options.pixel, numbers) {
         (None, Numbers::F32) => enlarge_pixels(&mut map, &mut made, options, &mut failed)?,
         _ => None,
     };
+    map.find_body(options.across);
     let map = Arc::new(map);
     let (left_out, by_dirichlet): (Vec<_>, Vec<_>) = made.into_iter().unzip();
     let (left_out, by_dirichlet) = (left_out.into(), by_dirichlet.into());

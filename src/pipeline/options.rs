@@ -23,6 +23,9 @@ pub struct BuildOptions {
     pub pixel: Option<f64>,
     /// Which mean densities and acuities are relative to.
     pub magnify_over: MagnifyOver,
+    /// Widest gap over which taxels of different patches are [linked](crate::body::gap_links), in m; `None`:
+    /// 3.5 spacings, 0: none are.
+    pub across: Option<f64>,
     /// Whether patches that cannot be mapped are left out, as long as one can; else they are an error.
     pub keep_going: bool,
 }

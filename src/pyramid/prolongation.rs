@@ -34,7 +34,7 @@ impl Prolongation {
     ///
     /// # Errors
     /// The first row that breaks a rule.
-    pub(super) fn validate(&self) -> Result<(), PyramidError> {
+    pub(crate) fn validate(&self) -> Result<(), PyramidError> {
         let (found, needed) = (self.weights.len(), self.indices.len());
         if found != needed {
             return Err(PyramidError::Length { what: "weights", found, needed });

@@ -69,6 +69,11 @@ pub struct LevelFrame {
     /// The vertices of each level whose value is not measured: all of their readings are
     /// [filled](Frame::filled).
     pub unmeasured: IdVec<PatchId, Vec<IdVec<LevelId, Vec<VertexId>>>>,
+    /// The values of each channel on the [levels of the whole body](crate::body), and whether each is measured: those of a
+    /// [`Restrictor`](crate::signal::Restrictor) of all levels, else NaN.
+    pub body: Vec<ChannelLevels>,
+    /// Of each of these whether a reading of its taxels was measured, not [filled](Frame::filled).
+    pub is_body_measured: Vec<IdVec<LevelId, IdVec<VertexId, bool>>>,
 }
 
 impl LevelFrame {
@@ -80,7 +85,10 @@ impl LevelFrame {
         });
         let areas = map.patches.map(|patch| vec![patch.levels.map(|l| l.level.areas.clone()); channels]);
         let unmeasured = map.patches.map(|patch| vec![patch.levels.map(|_| Vec::new()); channels]);
-        Self { time: 0.0, values, areas, unmeasured }
+        let of_body = || map.body.levels.iter().map(|level| level.origins.len());
+        let body = vec![of_body().map(|fields| IdVec::filled(f64::NAN, fields)).collect(); channels];
+        let is_body_measured = vec![of_body().map(|fields| IdVec::filled(false, fields)).collect(); channels];
+        Self { time: 0.0, values, areas, unmeasured, body, is_body_measured }
     }
 
     /// Panics if the number of patches differs, or that of the channels of a patch.

@@ -4,6 +4,7 @@
 //! A missing reading is NaN, in every type of this module: of a taxel that is absent, dead or masked, and of
 //! a receptive field whose taxels all are. Zero is a reading.
 
+mod body_fields;
 mod channel;
 mod clock;
 mod condition;
@@ -26,6 +27,7 @@ mod touch;
 mod unit;
 mod zero;
 
+pub use body_fields::BodyFields;
 pub use channel::Channel;
 pub(crate) use channel::main_channel;
 pub(crate) use clock::{Clock, Tick};

@@ -13,6 +13,7 @@ use crate::id::{IdVec, VertexId};
 use crate::map::{MapLevel, PatchMap, SkinMap};
 use crate::numeric::{Csr, storable};
 use crate::pyramid::{LevelId, Prolongation};
+use crate::signal::body_fields::BodyFields;
 use crate::signal::{Channel, Frame, LevelFrame, Quantity};
 use crate::skin::PatchId;
 
@@ -49,6 +50,8 @@ pub struct Restrictor {
     /// For each channel `a m p` or `m f` of the taxels.
     amounts: IdVec<PatchId, Vec<IdVec<VertexId, f64>>>,
     levels: LevelFrame,
+    /// Of the whole body, if all levels are wanted.
+    body: Option<BodyFields>,
 }
 
 #[derive(Debug, Clone)]
@@ -160,7 +163,8 @@ impl Restrictor {
         // There are no readings yet.
         let areas = levels.areas.iter_mut().flatten().flat_map(|levels| levels.iter_mut());
         areas.for_each(|areas| areas.as_mut_slice().fill(0.0));
-        Self { quantities: channels.iter().map(|c| c.quantity).collect(), patches, amounts, levels }
+        let body = (only.is_none() && !map.body.levels.is_empty()).then(|| BodyFields::new(map));
+        Self { quantities: channels.iter().map(|c| c.quantity).collect(), patches, amounts, levels, body }
     }
 
     /// The frame on all levels. Readings that are not finite, or beyond what 32-bit floats
@@ -187,6 +191,22 @@ impl Restrictor {
                     frame.filled.get(id).and_then(|of| of.get(number)).map_or(&[][..], Vec::as_slice);
                 if unmeasured[LevelId::new(0)] != filled || masks_changed && !filled.is_empty() {
                     patch.find_unmeasured(filled, channel.areas, unmeasured);
+                }
+            }
+        }
+        if let Some(fields) = &mut self.body {
+            let LevelFrame { body, is_body_measured, .. } = &mut self.levels;
+            let channels = self.quantities.iter().zip(body).zip(is_body_measured).enumerate();
+            for (channel, ((&quantity, values), is_measured)) in channels {
+                fields.take(frame, channel, quantity);
+                for (level, values) in values.ids().zip(values.as_mut_slice()) {
+                    for (field, (value, is_measured)) in
+                        values.iter_mut().zip(is_measured[level].iter_mut()).enumerate()
+                    {
+                        let field = VertexId::new(field);
+                        *value = fields.value(level, field, quantity);
+                        *is_measured = fields.is_measured(level, field);
+                    }
                 }
             }
         }

@@ -4,6 +4,7 @@
 mod altered;
 mod bare;
 mod bodies;
+mod body;
 mod build;
 mod calibrate;
 mod cli;

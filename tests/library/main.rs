@@ -4,6 +4,7 @@ mod allocation;
 mod altered;
 mod atlas;
 mod bodies;
+mod body;
 mod calib;
 mod channels;
 mod clock;

@@ -30,7 +30,7 @@ use crate::files::input::{names, read_good_patches, skin_files};
 use crate::files::outputs::{self, cannot_write, write_bytes};
 use crate::options::{
     AcuityArgs, Choice, CoarsenArgs, Common, FlattenArgs, InPath, OutFolder, PatchArgs, ReadArgs,
-    RegionsArgs, one_of, side_mm,
+    RegionsArgs, length_or_0, one_of, side_mm,
 };
 
 /// Arguments of `build`.
@@ -56,6 +56,9 @@ pub(crate) struct Args {
     /// Densities of --magnify and --acuity are relative to the mean of: [default: skin]
     #[arg(long, value_parser = one_of(&MAGNIFY_OVER), help_heading = "Map")]
     magnify_over: Option<MagnifyOver>,
+    /// Widest gap between patches that contacts go on over, as in 20mm; 0: none [default: 3.5 spacings]
+    #[arg(long, value_name = "LENGTH|0", value_parser = length_or_0, help_heading = "Body")]
+    across: Option<f64>,
     /// Side of a pixel of the images, in mm on the map [default: 1, or larger where that would make
     /// more than 256 pixels a taxel]
     #[arg(long = "pixel-mm", value_name = "MM", value_parser = side_mm, help_heading = "Images")]
@@ -105,6 +108,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         flatten: args.flatten.options()?,
         pixel: args.pixel,
         magnify_over: args.magnify_over.unwrap_or_default(),
+        across: args.across,
         keep_going: args.keep_going,
     };
     let start = Instant::now();

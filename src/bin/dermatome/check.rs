@@ -6,7 +6,7 @@ mod recordings;
 use std::process::ExitCode;
 
 use dermatome::id::VertexId;
-use dermatome::skin::{Draft, Elements, Finding, FindingKind, Severity, Sheet, check};
+use dermatome::skin::{Draft, Elements, Finding, FindingKind, Severity, Sheet, assemble, check};
 
 use serde_json::{Value, json};
 
@@ -14,8 +14,8 @@ use crate::check::order::OrderArgs;
 use crate::check::recordings::{RecordingArgs, finding_as_json, sentences, summary_as_json};
 use crate::console::errors::INCOMPLETE;
 use crate::console::notes::note;
-use crate::console::print::{line, print, print_json};
-use crate::files::input::{read_draft_of, read_map_if_any, read_skin};
+use crate::console::print::{line, print, print_gaps, print_json};
+use crate::files::input::{gaps_as_json, gaps_of, read_draft_of, read_map_if_any, read_skin};
 use crate::options::{Common, InPath, PatchArgs, ReadArgs};
 
 /// List everything that is wrong with a skin; exit code 1 if `build` would refuse it.
@@ -52,6 +52,10 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let findings = check(&draft, &options);
     let (notes, findings): (Vec<_>, Vec<_>) = findings.into_iter().partition(|f| f.kind == FindingKind::Bare);
     notes.iter().for_each(|found| note!(common, "{found}"));
+    let gaps = match &map {
+        Some(map) => gaps_of(Some(map), &map.skin()),
+        None => assemble(&draft, &options).map_or_else(|_| Vec::new(), |made| gaps_of(None, &made.skin)),
+    };
     let is_refused = findings.iter().any(|f| f.severity() == Severity::Error);
     let (mut health, mut order) = (None, None);
     if is_refused && !args.recordings.is_empty() {
@@ -69,6 +73,9 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     }
     if args.json {
         let mut object = as_json(&findings, &draft);
+        if !gaps.is_empty() {
+            object["gaps"] = gaps_as_json(&gaps);
+        }
         if let (Some((report, skin)), Some(all)) = (&health, object["findings"].as_array_mut()) {
             all.extend(report.findings.iter().map(|finding| finding_as_json(finding, skin)));
             object["health"] = summary_as_json(report);
@@ -79,11 +86,13 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         print_json("dermatome.check/1", &object)?;
     } else if findings.is_empty() && health.is_none() && order.is_none() {
         print("no findings\n")?;
+        print_gaps(&gaps)?;
     } else {
         let of_skin: String = findings.iter().map(|f| sentence(f, &draft)).collect();
         let of_recordings = health.as_ref().map(|(report, _)| sentences(report));
         let of_recordings = of_recordings.or(order.as_ref().map(|(order, _)| order::sentence(order)));
         print(&(of_skin + &of_recordings.unwrap_or_default()))?;
+        print_gaps(&gaps)?;
     }
     let is_faulty = health.is_some_and(|(report, _)| !report.findings.is_empty());
     Ok(if is_refused || is_faulty { ExitCode::from(INCOMPLETE) } else { ExitCode::SUCCESS })

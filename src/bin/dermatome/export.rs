@@ -3,6 +3,7 @@
 use std::process::ExitCode;
 
 use dermatome::Error;
+use dermatome::body::Body;
 use dermatome::io::{ExportOptions, IoError, export_map};
 use dermatome::pyramid::LevelId;
 use glob::Pattern;
@@ -45,6 +46,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     }
     let mut map = read_map_first(&args.map)?;
     let patches = map.patches.into_iter().collect();
+    // What joins patches is not exported, and numbers all of them.
+    map.body = Body::default();
     map.patches = select_patches(&args.map, patches, &args.patches, |patch| &patch.name)?.into();
     for patch in map.patches.iter().filter(|patch| patch.taxels.joints.is_some()) {
         let (name, link) = (&patch.name, &map.links[patch.link].name);

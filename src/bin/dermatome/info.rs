@@ -4,6 +4,7 @@ use std::process::ExitCode;
 
 use dermatome::Error;
 use dermatome::io::IoError;
+use dermatome::map::SkinMap;
 use dermatome::mesh::{Adjacency, mean_edge_length};
 use dermatome::robot::{Joint, Robot, Role};
 use dermatome::skin::{Link, LinkId, Motion, Patch, Presence, Skin, link_names};
@@ -12,8 +13,8 @@ use serde_json::{Value, json};
 
 use crate::console::errors;
 use crate::console::notes::note;
-use crate::console::print::{plain, print, print_json, print_table};
-use crate::files::input::read_skin;
+use crate::console::print::{plain, print, print_gaps, print_json, print_table};
+use crate::files::input::{gaps_as_json, gaps_of, read_map_if_any, read_skin};
 use crate::options::{Common, InPath, JointsArg, PatchArgs, ReadArgs, RobotArgs, joints};
 
 /// Arguments of `info`.
@@ -57,6 +58,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
             skin => skin?,
         }
     };
+    let map = read_map_if_any(&args.file)?;
+    let gaps = gaps_of(map.as_ref(), map.as_ref().map(SkinMap::skin).as_ref().unwrap_or(&skin));
     let links = link_names(&skin.links);
     let row = |patch: &Patch| row(&links[patch.link], patch);
     let rows = skin.patches.iter().map(row).collect::<Result<Vec<_>, Error>>()?;
@@ -65,6 +68,9 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         let animations: Vec<_> = skin.animations.iter().map(animation).collect();
         let patches: Vec<Value> = rows.into_iter().map(object).collect();
         let mut all = json!({ "patches": patches, "animations": animations });
+        if !gaps.is_empty() {
+            all["gaps"] = gaps_as_json(&gaps);
+        }
         if let Some(robot) = &robot {
             let rows = args.joints.as_ref().map(|joints| joints.rows(robot, common)).transpose()?;
             let first = rows.and_then(|rows| rows.into_iter().next()).map(|(_, values)| values);
@@ -80,6 +86,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         }
         let rows: Vec<_> = rows.iter().map(|row| row.each_ref().map(|(name, x)| (*name, cell(x)))).collect();
         print_table(2, &rows)?;
+        print_gaps(&gaps)?;
         for (name, [from, to]) in skin.animations.iter().filter_map(times) {
             print(&format!("animation {}: {from} to {to} s\n", plain(name)))?;
         }

@@ -38,7 +38,8 @@ pub struct RecordingLayout<'a> {
 /// in `regions`, if the map has named regions; `timestamps` in s; `channels`, their `units` and those of their pixels, `image_units`: images show
 /// an amount in N per area, in N/m^2; `metres_per_pixel`, one number, or
 /// `PATCH.Lk.metres_per_pixel` where images differ. Packed
-/// images are `Lk.image` and so on. The `.npy` is `(T, H, W)`, or `(T, C, H, W)` with several
+/// images are `Lk.image` and so on. `body.Lk.values` and `body.Lk.valid` are those of the [levels of the whole body](crate::body), which
+/// have no image; a patch that is called `body` next to them has the keys `%62ody.Lk.values` and so on. The `.npy` is `(T, H, W)`, or `(T, C, H, W)` with several
 /// channels.
 ///
 /// No file appears before [`RecordingWriter::finish`]; memory does not depend
@@ -82,6 +83,8 @@ pub struct RecordingWriter {
     /// Name and number of values of each image.
     expected: Vec<(String, usize)>,
     values: Vec<LevelValues>,
+    /// Values of each level of the whole body, and which are valid.
+    body: Vec<(LevelId, [ArrayId; 2])>,
     features: Map<String, Value>,
 }
 
@@ -112,6 +115,7 @@ impl RecordingWriter {
             images: Vec::new(),
             expected: Vec::new(),
             values: Vec::new(),
+            body: Vec::new(),
             features: Map::new(),
         };
         let parts: Vec<_> = layout.atlas.iter().flat_map(|atlas| atlas.parts_of(layout.level)).collect();
@@ -167,7 +171,11 @@ impl RecordingWriter {
         let number = |region: Option<RegionId>| region.map_or(0, |region| region.raw() + 1);
         for (id, patch) in map.patches.enumerate() {
             let of: Vec<u32> = regions.of_taxels[id].iter().map(|region| number(*region)).collect();
-            self.writer.constant(&format!("{}.region", patch.name), &[of.len()], Elements::U32(&of))?;
+            self.writer.constant(
+                &format!("{}.region", name_in_keys(map, &patch.name)),
+                &[of.len()],
+                Elements::U32(&of),
+            )?;
         }
         for part in parts {
             let of_level = map.patches.enumerate();
@@ -177,7 +185,7 @@ impl RecordingWriter {
             let shown = part.vertices(map).into_iter();
             let of: Vec<u32> = shown.map(|at| number(at.and_then(|(patch, v)| of_level[patch][v]))).collect();
             let [width, height] = part.frame.size_px.map(|n| n as usize);
-            let name = format!("{}.region", key(&part.name));
+            let name = format!("{}.region", key(map, &part.name));
             self.writer.constant(&name, &[height, width], Elements::U32(&of))?;
         }
         Ok(())
@@ -202,7 +210,7 @@ impl RecordingWriter {
             self.writer.constant("metres_per_pixel", &[], Elements::F64(&[size]))?;
         }
         for part in parts {
-            let key = key(&part.name);
+            let key = key(map, &part.name);
             let [width, height] = part.frame.size_px.map(|n| n as usize);
             let shape = [channels.len(), height, width];
             self.images.push(self.writer.growing(&format!("{key}.image"), ElementType::F32, &shape)?);
@@ -221,18 +229,30 @@ impl RecordingWriter {
     fn add_values(&mut self, map: &SkinMap, layout: &RecordingLayout<'_>) -> Result<(), IoError> {
         for (id, patch) in map.patches.enumerate() {
             let ids: Vec<u32> = patch.taxels.ids.iter().map(|id| id.0).collect();
-            self.writer.constant(&format!("{}.ids", patch.name), &[ids.len()], Elements::U32(&ids))?;
+            self.writer.constant(
+                &format!("{}.ids", name_in_keys(map, &patch.name)),
+                &[ids.len()],
+                Elements::U32(&ids),
+            )?;
             for (level, fields) in patch.levels.enumerate() {
                 if layout.level.is_some_and(|wanted| wanted != level) {
                     continue;
                 }
-                let key = format!("{}.L{level}", patch.name);
+                let key = format!("{}.L{level}", name_in_keys(map, &patch.name));
                 let shape = [layout.channels.len(), fields.level.mesh.positions.len()];
                 let values = self.writer.growing(&format!("{key}.values"), ElementType::F32, &shape)?;
                 let valid = self.writer.growing(&format!("{key}.valid"), ElementType::U8, &shape[1..])?;
                 self.values.push(LevelValues { patch: id, level, values, valid });
                 self.add_feature(&key, shape.iter().product(), layout.channels);
             }
+        }
+        for (level, fields) in map.body.levels.enumerate().filter(|_| layout.level.is_none()) {
+            let key = format!("body.L{level}");
+            let shape = [layout.channels.len(), fields.origins.len()];
+            let values = self.writer.growing(&format!("{key}.values"), ElementType::F32, &shape)?;
+            let valid = self.writer.growing(&format!("{key}.valid"), ElementType::U8, &shape[1..])?;
+            self.body.push((level, [values, valid]));
+            self.add_feature(&key, shape.iter().product(), layout.channels);
         }
         Ok(())
     }
@@ -296,6 +316,17 @@ impl RecordingWriter {
             }
             self.writer.push(*valid, Elements::U8(&all_valid))?;
         }
+        for (level, arrays) in &self.body {
+            all_valid.clear();
+            for (values, is_measured) in frame.body.iter().zip(&frame.is_body_measured) {
+                self.writer.push(arrays[0], Elements::F64(values[*level].as_slice()))?;
+                all_valid.resize(values[*level].len(), 1);
+                let known = values[*level].iter().zip(&is_measured[*level]);
+                let known = known.map(|(x, is_measured)| !x.is_nan() && *is_measured);
+                all_valid.iter_mut().zip(known).for_each(|(valid, known)| *valid &= u8::from(known));
+            }
+            self.writer.push(arrays[1], Elements::U8(&all_valid))?;
+        }
         self.writer.end_frame()
     }
 
@@ -319,12 +350,18 @@ impl RecordingWriter {
     }
 }
 
+/// The name of a patch in keys: `body` is that of the levels of the whole body, where there are some.
+fn name_in_keys<'a>(map: &SkinMap, name: &'a str) -> &'a str {
+    if name == "body" && !map.body.levels.is_empty() { "%62ody" } else { name }
+}
+
 /// Side of a pixel, in m.
 fn pixel_size(part: &AtlasPart) -> f64 {
     part.frame.size.x / f64::from(part.frame.size_px[0])
 }
 
 /// The name of an image as a part of a key: `palm/L0` becomes `palm.L0`.
-fn key(image: &str) -> String {
-    image.rsplit_once('/').map_or_else(|| image.to_owned(), |(patch, level)| format!("{patch}.{level}"))
+fn key(map: &SkinMap, image: &str) -> String {
+    let of_patch = |(patch, level)| format!("{}.{level}", name_in_keys(map, patch));
+    image.rsplit_once('/').map_or_else(|| image.to_owned(), of_patch)
 }

@@ -27,7 +27,8 @@ pub(super) struct Transform {
 }
 
 /// What the types of the crate are read for.
-const READ: [&str; 11] = [
+const READ: [&str; 12] = [
+    "extras",
     "asset",
     "extensionsUsed",
     "extensionsRequired",

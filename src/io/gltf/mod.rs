@@ -16,6 +16,7 @@
 
 mod accessor;
 mod animation;
+mod body;
 mod document;
 mod joints;
 mod json;
@@ -23,6 +24,7 @@ mod nodes;
 mod primitive;
 mod read_map;
 mod read_skin;
+mod rows;
 mod write_animations;
 mod write_map;
 mod write_skin;

@@ -15,15 +15,17 @@ use crate::io::IoError;
 use crate::io::error::Result;
 use crate::io::file::{Source, excerpt};
 use crate::io::gltf::animation::read_animations;
+use crate::io::gltf::body::read_body;
 use crate::io::gltf::document::Document;
 use crate::io::gltf::joints::Binding;
 use crate::io::gltf::nodes::read_node_tree;
 use crate::io::gltf::primitive::{Attributes, Shape};
 use crate::io::gltf::read_skin::{read_covariances, read_ids, read_presence, read_regions};
+use crate::io::gltf::rows::read_rows;
 use crate::io::gltf::{FrameExtras, GENERATOR, LevelExtras, Notes, RowsExtras};
 use crate::map::{ImageFrame, MapLevel, PatchMap, SkinMap};
 use crate::mesh::TriMesh;
-use crate::pyramid::{Level, LevelId, Prolongation};
+use crate::pyramid::{Level, LevelId};
 use crate::skin::{LinkId, Presence, Taxels, in_tangent_plane};
 
 /// Normals and tangents of `f32` are this near to unit length; those of 8-bit integers are not.
@@ -91,6 +93,7 @@ fn read_document(path: &Path, document: &Document) -> Result<SkinMap> {
     for patch in found {
         map.patches.push(read_patch(document, &links, patch)?);
     }
+    map.body = read_body(document)?;
     map.validate().map_err(|fault| IoError::Map { path: path.into(), source: Box::new(fault) })?;
     for patch in map.patches.iter_mut() {
         patch.levels.as_mut_slice().par_iter_mut().for_each(|map| {
@@ -338,19 +341,6 @@ fn read_uv(attributes: &Attributes<'_>, frame: &ImageFrame) -> Result<IdVec<Plac
 fn read_frame(extras: &FrameExtras) -> ImageFrame {
     let (origin, size) = (DVec2::from_array(extras.origin), DVec2::from_array(extras.size));
     ImageFrame { origin, size, size_px: extras.pixels }
-}
-
-fn read_rows(document: &Document, name: &str, given: RowsExtras, coarse_len: usize) -> Result<Prolongation> {
-    let accessor = |number: usize| document.accessor(number, name);
-    let indices = accessor(given.indices)?.integers::<3>()?;
-    let weights = accessor(given.weights)?.reals(|row: [f64; 3]| row)?;
-    let mut rows = Prolongation {
-        indices: indices.into_iter().map(|row| row.map(VertexId::from)).collect(),
-        weights: weights.into(),
-        coarse_len,
-    };
-    rows.rescale();
-    Ok(rows)
 }
 
 /// Refuses a vertex that is not where its taxel is: levels are nested, and both are rounded alike. (Whether

@@ -16,14 +16,16 @@ use crate::id::{FaceId, IdVec, VertexId};
 use crate::io::IoError;
 use crate::io::error::Result;
 use crate::io::file::{OutPath, replace_file, unfit};
+use crate::io::gltf::body::write_body;
+use crate::io::gltf::rows::add_rows;
 use crate::io::gltf::write_skin::{Codes, SheetWriter, joints_of, mesh, node};
 use crate::io::gltf::writer::{Form, PatchNode, SceneWriter};
-use crate::io::gltf::{FrameExtras, LevelExtras, RowsExtras};
+use crate::io::gltf::{FrameExtras, LevelExtras};
 use crate::map::{MapError, MapLevel, SkinMap};
 use crate::mesh::{FlatTriangle, TriMesh, VertexCorners};
 use crate::numeric::narrow;
 use crate::parallel::{par_collect, par_map};
-use crate::pyramid::{Level, LevelId, Prolongation, Pyramid, PyramidError};
+use crate::pyramid::{Level, LevelId, Pyramid, PyramidError};
 use crate::skin::{Link, LinkId, Motion, RegionName, Skin, Taxels, region_names};
 
 /// Writes `map.glb`: one mesh and node per patch and level, named `PATCH/L0`, `PATCH/L1`, ...; one
@@ -40,7 +42,10 @@ use crate::skin::{Link, LinkId, Motion, RegionName, Skin, Taxels, region_names};
 /// rectangle of the map, and the accessors of the prolongations and, from level 1 on, of the
 /// vertices of level 0 that its vertices are. Where a map is cut, the mesh has the vertices of the
 /// seam once for each of their places, and `unsplit` is the accessor of the vertex of the level that
-/// each of them is. Everything but the rectangle is rounded to `f32`.
+/// each of them is. Everything but the rectangle is rounded to `f32`. Where patches are joined, the `extras.dermatome.body`
+/// of the document has the accessor `links`: rows of patch, vertex, patch and vertex, patches in the
+/// order of their meshes; and where there are several patches `levels`, each with accessors `origins` (patch, vertex), `area` (m^2) and `up`: the
+/// fields of the level before in terms of its own.
 ///
 /// # Errors
 /// If [`SkinMap::validate`] refuses the map or it has no patch, if rounding would turn a triangle
@@ -77,7 +82,7 @@ fn write(output: &mut dyn Write, path: &Path, map: &SkinMap) -> Result<()> {
             }
         })
         .collect();
-    write_levels(output, path, (&map.links, &map.animations), &patches)
+    write_levels(output, path, (&map.links, &map.animations, Some(map)), &patches)
 }
 
 /// Writes pyramids alone: as [`write_map`], without maps.
@@ -108,7 +113,7 @@ pub fn write_pyramids(path: impl Into<OutPath>, skin: &Skin, pyramids: &[Pyramid
             levels,
         });
     }
-    replace_file(path, |file| write_levels(file, path, (&skin.links, &skin.animations), &patches))
+    replace_file(path, |file| write_levels(file, path, (&skin.links, &skin.animations, None), &patches))
 }
 
 /// A patch with its levels, and their maps if there are any; all valid.
@@ -123,7 +128,7 @@ struct PatchLevels<'a> {
 fn write_levels(
     output: &mut dyn Write,
     path: &Path,
-    (links, animations): (&IdVec<LinkId, Link>, &[Motion]),
+    (links, animations, map): (&IdVec<LinkId, Link>, &[Motion], Option<&SkinMap>),
     patches: &[PatchLevels<'_>],
 ) -> Result<()> {
     if patches.is_empty() {
@@ -153,6 +158,9 @@ fn write_levels(
         writer.add_scene(name, links, &wanted, nodes)?;
     }
     writer.add_animations(animations)?;
+    if let Some(map) = map {
+        write_body(&mut writer, map)?;
+    }
     writer.finish(output, Form::Glb)
 }
 
@@ -244,12 +252,6 @@ fn plain(writer: &mut SceneWriter<'_>) -> Index<Material> {
         });
     }
     Index::new(0)
-}
-
-fn add_rows(writer: &mut SceneWriter<'_>, rows: &Prolongation) -> RowsExtras {
-    let indices = writer.array(None, rows.indices.iter().map(|row| row.map(VertexId::raw)));
-    let weights = writer.array(None, rows.weights.iter().map(|row| row.map(narrow)));
-    RowsExtras { indices: indices.value(), weights: weights.value() }
 }
 
 /// The mesh of a level, cut open, and its map (m), as a map file stores them; refuses one that loses a

@@ -19,7 +19,8 @@ const COLUMNS: &str = "frame,time,track,event,patch,link,taxels,area,force,x,y,z
 /// `frame,time,track,event,patch,link,taxels,area,force,x,y,z,nx,ny,nz,u,v,major,minor,angle,peak_taxel_id,peak,region`:
 /// `event` is `onset`, `move` or `release`, `taxels` their number, `x` to `nz` the centre of pressure
 /// and the normal there in the frame of the link, `u,v` the centre on the map; a row of a release
-/// gives the state of the contact in the frame before. `region` is that of the taxel with the largest reading. SI units; decimals are the shortest that read back
+/// gives the state of the contact in the frame before. `region` is that of the taxel with the largest reading. Where contacts may go on over gaps, a
+/// last column `patches` has the names of all patches, with `;` between them; `patch` is the one with most of the force. SI units; decimals are the shortest that read back
 /// as the same `f64`. A force that does not follow from the unit of the channel, and a time that is not
 /// known, are empty cells.
 ///
@@ -40,7 +41,8 @@ impl RegionWriter {
         if file_kind(path) != "csv" {
             return Err(IoError::UnknownKind { path: path.into(), known: ".csv" });
         }
-        Ok(Self { map: Arc::clone(map), table: TableWriter::create(path, COLUMNS)?, episode: None })
+        let columns = if has_gaps(map) { format!("{COLUMNS},patches") } else { COLUMNS.to_owned() };
+        Ok(Self { map: Arc::clone(map), table: TableWriter::create(path, &columns)?, episode: None })
     }
 
     /// The frames that follow are of this episode, which is in a column `episode` before the others. A file whose episodes are
@@ -73,7 +75,7 @@ impl RegionWriter {
             });
             table.cell(&patch.name);
             table.cell(&map.links[region.link].name);
-            table.whole(region.taxels.len() as u64);
+            table.whole((region.taxels.len() + region.beyond.len()) as u64);
             table.numbers([region.area]);
             table.number_if_any(Some(region.force).filter(|force| force.is_finite()));
             table.numbers(region.centre.to_array().into_iter().chain(region.normal.to_array()));
@@ -82,6 +84,12 @@ impl RegionWriter {
             table.numbers([region.peak]);
             let regions = patch.taxels.regions.as_ref();
             table.cell(regions.and_then(|all| all[region.peak_taxel].as_deref()).unwrap_or_default());
+            if has_gaps(map) {
+                let patches = region.patches();
+                let names: Vec<&str> =
+                    patches.iter().map(|&patch| map.patches[patch].name.as_str()).collect();
+                table.cell(&names.join(";"));
+            }
             table.end_row()?;
         }
         Ok(())
@@ -94,6 +102,11 @@ impl RegionWriter {
     pub fn finish(self) -> Result<(), IoError> {
         self.table.publish()
     }
+}
+
+/// Whether contacts may go on over gaps.
+fn has_gaps(map: &SkinMap) -> bool {
+    !map.body.links.is_empty()
 }
 
 /// Writes what truly happens in a simulated recording: a row for each frame in which something is

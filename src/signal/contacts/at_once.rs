@@ -86,8 +86,8 @@ impl AtOnce {
             let mut count = 0;
             for region in regions.iter().filter(is_here) {
                 count += 1;
-                let values = values(region.patch);
-                self.values.extend(region.taxels.iter().map(|&taxel| values[taxel]).filter(|x| *x > 0.0));
+                let read = region.all_taxels().map(|at| values(at.patch)[at.taxel]);
+                self.values.extend(read.filter(|x| *x > 0.0));
             }
             if count > 0 {
                 let place = LARGEST.min(self.values.len());

@@ -9,6 +9,9 @@
 //! their sum is above the upper one times the root of their number, as unlikely as one taxel above it; and a contact goes
 //! on while it is above the lower threshold. A contact that is not twice as strong is seen in its second frame.
 //!
+//! Taxels that a [gap link](crate::body) joins are neighbours, too: what presses two patches over a gap is one contact, with a
+//! part on each. Its patch is that with most of the force.
+//!
 //! Readings must be near 0 where nothing touches the skin. If the threshold is estimated, the mean of the
 //! same first frames is subtracted from each taxel, unless [`TrackerOptions::rest`] says that it is 0; else subtract a
 //! baseline first ([`Conditioner`](crate::signal::Conditioner)).
@@ -17,6 +20,7 @@ mod at_once;
 mod fingers;
 mod find;
 mod join;
+mod joined;
 mod noise;
 mod place;
 mod split;
@@ -25,6 +29,7 @@ mod tracks;
 
 use glam::{DVec2, DVec3};
 
+use crate::body::BodyTaxel;
 use crate::id::VertexId;
 use crate::signal::SignalError;
 use crate::skin::{LinkId, PatchId};
@@ -171,19 +176,21 @@ pub struct ContactRegion {
     pub event: ContactEvent,
     /// Number of frames since its onset, 1 for a new one.
     pub age: usize,
-    /// The patch.
+    /// The patch; of several, which gaps lie between, the one with most of the force.
     pub patch: PatchId,
     /// The link of the patch.
     pub link: LinkId,
-    /// The taxels, ascending.
+    /// The taxels on the patch, ascending.
     pub taxels: Vec<VertexId>,
-    /// Area of the taxels, in m^2.
+    /// The taxels on other patches, ascending.
+    pub beyond: Vec<BodyTaxel>,
+    /// Area of all taxels, in m^2.
     pub area: f64,
-    /// Force on the taxels, in N: the sum of the readings of a force, or of readings times areas of a
+    /// Force on all taxels, in N: the sum of the readings of a force, or of readings times areas of a
     /// pressure. NaN if the unit of the channel is neither.
     pub force: f64,
     /// Centre of pressure, in m in the frame of the link: the mean of the taxels' positions, weighted
-    /// by their force, moved to the nearest point of the skin around them.
+    /// by their force, moved to the nearest point of the skin around those on the patch. Other links are at rest.
     pub centre: DVec3,
     /// Unit normal of the skin there, outward.
     pub normal: DVec3,
@@ -196,13 +203,27 @@ pub struct ContactRegion {
     pub minor: f64,
     /// Direction of the longer principal axis on the map, in rad, above -pi/2 and at most pi/2.
     pub angle: f64,
-    /// The taxel with the largest reading; the first of them.
+    /// The taxel on the patch with the largest reading; the first of them.
     pub peak_taxel: VertexId,
-    /// The largest reading.
+    /// The largest reading on the patch.
     pub peak: f64,
 }
 
 impl ContactRegion {
+    /// The taxels on all patches, those of `patch` first.
+    pub fn all_taxels(&self) -> impl Iterator<Item = BodyTaxel> + '_ {
+        let own = self.taxels.iter().map(|&taxel| BodyTaxel { patch: self.patch, taxel });
+        own.chain(self.beyond.iter().copied())
+    }
+
+    /// Its patches, ascending.
+    pub fn patches(&self) -> Vec<PatchId> {
+        let mut patches: Vec<_> = self.beyond.iter().map(|at| at.patch).chain([self.patch]).collect();
+        patches.sort_unstable();
+        patches.dedup();
+        patches
+    }
+
     /// Order of regions in a frame: by patch, then by the first taxel.
     pub(super) fn place(&self) -> (PatchId, Option<VertexId>) {
         (self.patch, self.taxels.first().copied())

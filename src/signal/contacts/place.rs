@@ -7,20 +7,26 @@ use std::f64::consts::FRAC_PI_2;
 
 use glam::{DVec2, DVec3};
 
+use crate::body::BodyTaxel;
 use crate::cut::PlaceId;
-use crate::id::{FaceId, VertexId};
+use crate::id::{FaceId, IdVec, VertexId};
 use crate::map::{MapLevel, PatchMap};
 use crate::mesh::{SurfacePoint, VertexCorners, closest_point};
 use crate::pyramid::LevelId;
 use crate::signal::Quantity;
 use crate::signal::contacts::ContactRegion;
+use crate::signal::contacts::joined::Joined;
+use crate::skin::PatchId;
 
-/// The readings of the taxels of one patch.
+/// The readings of the taxels of one patch, and those of all patches.
 pub(super) struct Pressed<'a> {
     pub(super) patch: &'a PatchMap,
     pub(super) around: &'a VertexCorners,
     pub(super) values: &'a [f64],
     pub(super) quantity: Quantity,
+    pub(super) patches: &'a IdVec<PatchId, PatchMap>,
+    pub(super) joined: &'a Joined,
+    pub(super) all: &'a IdVec<VertexId, f64>,
 }
 
 impl Pressed<'_> {
@@ -38,6 +44,11 @@ impl Pressed<'_> {
             if value > peak {
                 (peak_taxel, peak) = (taxel, value);
             }
+        }
+        for &at in &region.beyond {
+            area += self.patches[at.patch].taxels.areas[at.taxel];
+            force += self.force_beyond(at);
+            moment += self.force_beyond(at) * self.position(at, region.patch);
         }
         let mean = moment / force;
         (region.link, region.area, region.force) = (self.patch.link, area, force);
@@ -63,6 +74,21 @@ impl Pressed<'_> {
             Quantity::Intensive => self.patch.taxels.areas[taxel] * self.values[taxel.index()],
             Quantity::Extensive => self.values[taxel.index()],
         }
+    }
+
+    /// As [`Self::force`], on a taxel of any patch.
+    fn force_beyond(&self, at: BodyTaxel) -> f64 {
+        let value = self.all[self.joined.number(at)];
+        match self.quantity {
+            Quantity::Intensive => self.patches[at.patch].taxels.areas[at.taxel] * value,
+            Quantity::Extensive => value,
+        }
+    }
+
+    /// Where a taxel of any patch is, in the frame of the link of a patch, as the links are at rest.
+    fn position(&self, at: BodyTaxel, patch: PatchId) -> DVec3 {
+        let level = &self.patches[at.patch].levels[LevelId::new(0)].level;
+        self.joined.moved(level.mesh.positions[at.taxel], [at.patch, patch])
     }
 
     /// The point of the triangles around these taxels that is nearest to `at`; of several the first.
@@ -91,10 +117,12 @@ impl Pressed<'_> {
     fn axes(&self, level: &MapLevel, region: &mut ContactRegion, mean: DVec3) -> DVec3 {
         let (x_axis, y_axis) = region.normal.any_orthonormal_pair();
         let [mut xx, mut xy, mut yy] = [0.0; 3];
-        for &taxel in &region.taxels {
-            let offset = level.level.mesh.positions[taxel] - mean;
+        let own = region.taxels.iter().map(|&v| (level.level.mesh.positions[v], self.force(v)));
+        let beyond = region.beyond.iter().map(|&at| (self.position(at, region.patch), self.force_beyond(at)));
+        for (position, force) in own.chain(beyond) {
+            let offset = position - mean;
             let (x, y) = (offset.dot(x_axis), offset.dot(y_axis));
-            let share = self.force(taxel) / region.force;
+            let share = force / region.force;
             xx += share * x * x;
             xy += share * x * y;
             yy += share * y * y;

@@ -8,27 +8,27 @@
 //! enough taxels above the saddle ([`TrackerOptions::part`]). A higher peak with fewer taxels above the
 //! saddle than a region needs is a spike at the flank of the subregion, and is not separated.
 //!
+//! Subregions that meet over a gap link are always one contact.
+//!
 //! *Heuristic*: 0.4 of the height, and four taxels. Of simulated touches with gains that vary by 40 %, 5 % of the taxels
 //! dead and noise to 5 kPa (`tests/library/fingers.rs`), 95 % of laid fingers and all palms of 40 and 60 mm are one contact, 85 and
 //! 75 % without smoothing; at 0.5 the same, but fewer fingers on a real cover of 642 taxels 7 mm apart are separated, which
 //! [`Probe::Finger`](crate::signal::Probe::Finger) is for.
 
 use crate::id::{IdVec, VertexId, define_id};
-use crate::mesh::{TriMesh, VertexCorners};
 use crate::numeric::DisjointSets;
 use crate::signal::TrackerOptions;
+use crate::signal::contacts::joined::Joined;
 
 define_id!(
     /// A subregion of a region, counted from the highest peak.
     pub(super) PartId, "p"
 );
 
-/// The readings of one patch, and the criteria for a contact.
+/// The readings of all taxels, and the criteria for a contact.
 #[derive(Clone, Copy)]
-pub(super) struct PatchReadings<'a> {
-    pub(super) mesh: &'a TriMesh,
-    /// The faces around each taxel.
-    pub(super) around: &'a VertexCorners,
+pub(super) struct TaxelReadings<'a> {
+    pub(super) joined: &'a Joined,
     pub(super) values: &'a IdVec<VertexId, f64>,
     pub(super) options: &'a TrackerOptions,
     /// The upper threshold.
@@ -37,7 +37,7 @@ pub(super) struct PatchReadings<'a> {
     pub(super) least_seed: f64,
 }
 
-impl PatchReadings<'_> {
+impl TaxelReadings<'_> {
     /// Whether a region is more than noise: one of its taxels is above the upper threshold, or all of them together are
     /// as unlikely, whose sum of noise grows with the root of their number.
     pub(super) fn is_evident(&self, taxels: &[VertexId]) -> bool {
@@ -74,11 +74,11 @@ struct Part {
 }
 
 impl Splitter {
-    /// Splits the taxels of a region and marks each with its subregion; marks of other taxels of the patch
+    /// Splits the taxels of a region and marks each with its subregion; marks of other taxels
     /// must be at least the number of taxels. Lists the subregions, in order.
     pub(super) fn split(
         &mut self,
-        readings: &PatchReadings<'_>,
+        readings: &TaxelReadings<'_>,
         taxels: &[VertexId],
         marks: &mut IdVec<VertexId, u32>,
     ) -> &[PartId] {
@@ -102,6 +102,7 @@ impl Splitter {
             marks[taxel] = part.raw();
             self.parts[part].taxels += 1;
             self.parts[part].largest = self.parts[part].largest.max(value);
+            self.merge_over_gaps(readings, taxel, marks, count);
         }
         for &taxel in taxels {
             marks[taxel] = self.sets.root(marks[taxel].into()).raw();
@@ -113,14 +114,13 @@ impl Splitter {
 
     /// Smooths the readings of taxels along the skin: a half of each is the mean of those around it. Uneven gains and
     /// noise of single taxels are no peaks.
-    fn smooth(&mut self, readings: &PatchReadings<'_>, taxels: &[VertexId]) {
-        let PatchReadings { mesh, around, values, .. } = *readings;
+    fn smooth(&mut self, readings: &TaxelReadings<'_>, taxels: &[VertexId]) {
+        let TaxelReadings { joined, values, .. } = *readings;
         if self.smooth.len() < values.len() {
             self.smooth = IdVec::filled(0.0, values.len());
         }
         for &taxel in taxels {
-            let corners = around.faces(taxel).flat_map(|face| mesh.triangles[face]);
-            let finite = corners.filter(|&next| next != taxel && values[next].is_finite());
+            let finite = joined.around(taxel).filter(|&next| next != taxel && values[next].is_finite());
             let (sum, count) =
                 finite.fold((0.0, 0.0), |(sum, count), next| (sum + values[next], count + 1.0));
             let beside = if count > 0.0 { sum / count } else { values[taxel] };
@@ -131,12 +131,12 @@ impl Splitter {
     /// Lists the subregions around a taxel, the highest first; returns its largest neighbour.
     fn meet(
         &mut self,
-        readings: &PatchReadings<'_>,
+        readings: &TaxelReadings<'_>,
         taxel: VertexId,
         marks: &IdVec<VertexId, u32>,
         count: u32,
     ) -> Option<VertexId> {
-        let PatchReadings { mesh, around, values, .. } = *readings;
+        let TaxelReadings { joined, values, .. } = *readings;
         let smooth = &self.smooth;
         let mut largest: Option<VertexId> = None;
         self.meeting.clear();
@@ -148,12 +148,11 @@ impl Splitter {
                 }
             }
         };
-        let corners = |v: VertexId| around.faces(v).flat_map(|face| mesh.triangles[face]);
-        for next in corners(taxel) {
+        for next in joined.around(taxel) {
             visit(next);
             // A taxel without a reading connects those around it.
             if !values[next].is_finite() {
-                corners(next).for_each(&mut visit);
+                joined.around(next).for_each(&mut visit);
             }
         }
         for part in &mut self.meeting {
@@ -165,14 +164,44 @@ impl Splitter {
     }
 
     /// Merges the subregions at a saddle: those that are not separate contacts are merged into the highest.
-    fn merge(&mut self, saddle: f64, readings: &PatchReadings<'_>) {
-        let PatchReadings { options, high, .. } = *readings;
+    fn merge(&mut self, saddle: f64, readings: &TaxelReadings<'_>) {
+        let TaxelReadings { options, high, .. } = *readings;
         let Some((&highest, others)) = self.meeting.split_first() else { return };
         for &other in others {
             let Part { peak, largest, taxels } = self.parts[other];
             let rises = largest > high && peak - saddle >= options.prominence * peak;
             let is_spike = self.parts[highest].taxels < options.least;
             if !rises || taxels < options.part || is_spike {
+                self.sets.join(highest, other);
+                self.parts[highest].taxels += taxels;
+                self.parts[highest].largest = self.parts[highest].largest.max(largest);
+            }
+        }
+    }
+
+    /// Merges the subregions that a taxel joins over gaps, whatever the saddle: what presses the skin most may lie in a gap,
+    /// where nothing feels it.
+    fn merge_over_gaps(
+        &mut self,
+        readings: &TaxelReadings<'_>,
+        taxel: VertexId,
+        marks: &IdVec<VertexId, u32>,
+        count: u32,
+    ) {
+        let TaxelReadings { joined, values, .. } = *readings;
+        if !joined.has_links() {
+            return;
+        }
+        let is_dead = |v: &VertexId| !values[*v].is_finite();
+        let links = || joined.over_gaps(taxel).iter().copied();
+        let beyond = links().filter(is_dead).flat_map(|dead| joined.around(dead));
+        let beside =
+            joined.around(taxel).filter(is_dead).flat_map(|dead| joined.over_gaps(dead).iter().copied());
+        for next in links().chain(beyond).chain(beside).filter(|next| marks[*next] < count) {
+            let [own, other] = [marks[taxel], marks[next]].map(|mark| self.sets.root(mark.into()));
+            if own != other {
+                let [highest, other] = [own.min(other), own.max(other)];
+                let Part { taxels, largest, .. } = self.parts[other];
                 self.sets.join(highest, other);
                 self.parts[highest].taxels += taxels;
                 self.parts[highest].largest = self.parts[highest].largest.max(largest);

@@ -1,5 +1,6 @@
 //! [`ContactTracker`]: finds, measures and tracks the regions of each frame.
 
+use crate::body::BodyTaxel;
 use crate::id::{IdVec, VertexId};
 use crate::map::{PatchMap, SkinMap};
 use crate::mesh::{VertexCorners, neighbours};
@@ -11,9 +12,10 @@ use crate::signal::contacts::at_once::AtOnce;
 use crate::signal::contacts::find::Finder;
 use crate::signal::contacts::fingers::{Fingers, HIGH, Limits};
 use crate::signal::contacts::join::join_near;
+use crate::signal::contacts::joined::Joined;
 use crate::signal::contacts::noise::Threshold;
 use crate::signal::contacts::place::Pressed;
-use crate::signal::contacts::split::PatchReadings;
+use crate::signal::contacts::split::TaxelReadings;
 use crate::signal::contacts::tracks::Tracks;
 use crate::signal::{
     Channel, Clock, ContactEvent, Frame, Probe, Quantity, Rest, SignalError, Stage, Tick, TrackerOptions,
@@ -63,8 +65,12 @@ pub struct ContactTracker {
     newtons: f64,
     options: TrackerOptions,
     noise: Threshold,
+    /// All patches as one graph.
+    joined: Joined,
     /// The taxels next to each one, patch after patch.
     neighbours: Csr<u32>,
+    /// The readings that regions are found in, patch after patch: `values`, or those of fingers, smoothed.
+    all: IdVec<VertexId, f64>,
     /// Whether taxels next to each other moved together while it was estimated.
     is_moving: bool,
     /// The readings of untouched taxels, and the readings of this frame above them.
@@ -110,7 +116,8 @@ impl ContactTracker {
         if is_of_touch && !channel.kind.is_of_touch() {
             return Err(SignalError::NoTouch { known: vec![channel.name.clone()] });
         }
-        let fingers = (options.probe == Probe::Finger).then(|| Fingers::new(map, channel, options));
+        let joined = Joined::new(map);
+        let fingers = (options.probe == Probe::Finger).then(|| Fingers::new(map, &joined, channel, options));
         let around = map.patches.map(|patch| {
             let mesh = &patch.levels[LevelId::new(0)].level.mesh;
             VertexCorners::new(mesh.triangles.iter().copied(), mesh.positions.len())
@@ -124,10 +131,12 @@ impl ContactTracker {
             options: *options,
             noise: Threshold::new(options),
             neighbours: neighbours(map.patches.iter().map(|patch| &patch.levels[LevelId::new(0)].level.mesh)),
+            all: IdVec::filled(0.0, joined.mesh.positions.len()),
             is_moving: false,
             rest: zeros.clone(),
             values: zeros,
-            finder: Finder::new(map),
+            finder: Finder::new(joined.mesh.positions.len()),
+            joined,
             fingers,
             at_once: AtOnce::new(map),
             clock: Clock::new(),
@@ -197,16 +206,17 @@ impl ContactTracker {
         } else if self.noise.learn(frame, &self.options, self.neighbours.len()) {
             self.settle_noise();
         }
-        self.finder.number(&self.found);
+        self.finder.number(&self.found, &self.joined);
         let reach = self.options.reach;
-        self.tracks.join(&self.last, &mut self.found, &self.finder, reach);
+        self.tracks.join(&self.last, &mut self.found, (&self.finder, &self.joined), reach);
         self.finder.clear();
         let is_learned = self.options.threshold.is_none() && self.fingers.is_none();
         for (k, region) in self.found.iter_mut().enumerate() {
             let sure = SURE * self.high.unwrap_or_default();
             let is_sure = || {
-                let sum: f64 = region.taxels.iter().map(|&taxel| self.values[region.patch][taxel]).sum();
-                region.peak > sure || sum > sure * (region.taxels.len() as f64).sqrt()
+                let sum: f64 = region.all_taxels().map(|at| self.values[at.patch][at.taxel]).sum();
+                let count = region.taxels.len() + region.beyond.len();
+                region.peak > sure || sum > sure * (count as f64).sqrt()
             };
             if is_learned && self.tracks.is_new(k) && !is_sure() {
                 continue;
@@ -280,8 +290,10 @@ impl ContactTracker {
     fn find(&mut self, frame: &Frame, high: f64) {
         // Smaller readings have no digits left for the centre of pressure.
         let high = high.max(f64::from(f32::MIN_POSITIVE));
-        let Self { patches, around, options, rest, values, finder, found, fingers, last, .. } = self;
-        finder.follow(last);
+        let Self {
+            patches, around, options, rest, values, finder, found, fingers, last, joined, all, ..
+        } = self;
+        finder.follow(last, joined);
         // Fingers split regions themselves, and the parts of a foot are one.
         let prominence = if options.probe == Probe::Any { options.prominence } else { 1.0 };
         let options = &TrackerOptions { prominence, ..*options };
@@ -297,14 +309,14 @@ impl ContactTracker {
                 }
             }
             let values = fingers.as_ref().map_or(&values[id], |fingers| fingers.smooth(id));
-            let is_estimated = fingers.is_none() && options.threshold.is_none();
-            let least_seed = if is_estimated { options.low * high } else { high };
-            let readings = PatchReadings { mesh, around: &around[id], values, options, high, least_seed };
-            let first = found.len();
-            finder.find(id, &readings, found);
-            if options.probe == Probe::Foot {
-                join_near(&mesh.positions, first, found, finder);
-            }
+            let start = joined.start(id);
+            all.as_mut_slice()[start..start + values.len()].copy_from_slice(values.as_slice());
+        }
+        let is_estimated = fingers.is_none() && options.threshold.is_none();
+        let least_seed = if is_estimated { options.low * high } else { high };
+        finder.find(&TaxelReadings { joined, values: all, options, high, least_seed }, found);
+        if options.probe == Probe::Foot {
+            join_near(joined, found, finder);
         }
         if options.rest == Rest::Learned && options.threshold.is_none() && fingers.is_none() {
             let is_below = |values: &IdVec<VertexId, f64>| values.iter().filter(|x| **x < -high).count();
@@ -312,22 +324,34 @@ impl ContactTracker {
         }
         if let Some(fingers) = fingers {
             let sigma = high / HIGH;
-            fingers.split(&Limits { patches, low: options.low * high, sigma }, found, finder);
+            let limits = Limits { patches, joined, smooth: all, low: options.low * high, sigma };
+            fingers.split(&limits, found, finder);
             // A taxel without a reading has none of a contact either.
-            for region in found.iter_mut() {
-                region.taxels.retain(|&taxel| values[region.patch][taxel].is_finite());
-            }
+            let has_reading = |taxel: VertexId| {
+                let BodyTaxel { patch, taxel } = joined.taxel(taxel);
+                values[patch][taxel].is_finite()
+            };
+            found.iter_mut().for_each(|region| region.taxels.retain(|&taxel| has_reading(taxel)));
             found.retain_mut(|region| !region.taxels.is_empty());
         }
-        found.sort_unstable_by_key(ContactRegion::place);
-        for region in found {
+        let quantity = self.quantity;
+        for region in found.iter_mut() {
+            if joined.has_links() {
+                region.beyond = finder.take_beyond();
+            }
+            joined.divide(region, |taxel| {
+                let BodyTaxel { patch, taxel: own } = joined.taxel(taxel);
+                let area =
+                    if quantity == Quantity::Extensive { 1.0 } else { patches[patch].taxels.areas[own] };
+                area * all[taxel]
+            });
             let (patch, around) = (&patches[region.patch], &around[region.patch]);
-            let values =
-                fingers.as_ref().map_or(&values[region.patch], |fingers| fingers.smooth(region.patch));
-            let values = values.as_slice();
-            Pressed { patch, around, values, quantity: self.quantity }.measure(region);
+            let start = joined.start(region.patch);
+            let values = &all.as_slice()[start..start + patch.taxels.ids.len()];
+            Pressed { patch, around, values, quantity, patches, joined, all }.measure(region);
             region.force *= self.newtons;
         }
+        found.sort_unstable_by_key(ContactRegion::place);
     }
 }
 
@@ -374,7 +398,11 @@ impl ContactTracker {
             let patch = self.patches.get(region.patch);
             let count = patch.map_or(0, |patch| patch.taxels.ids.len());
             let known = |taxel: &VertexId| taxel.index() < count;
-            patch.is_some_and(|patch| patch.link == region.link)
+            let is_beyond = |at: &BodyTaxel| {
+                self.patches.get(at.patch).is_some_and(|patch| at.taxel.index() < patch.taxels.ids.len())
+            };
+            region.beyond.iter().all(is_beyond)
+                && patch.is_some_and(|patch| patch.link == region.link)
                 && region.taxels.iter().chain([&region.peak_taxel]).all(known)
                 && !region.taxels.is_empty()
         };

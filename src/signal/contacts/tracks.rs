@@ -7,7 +7,7 @@
 
 use std::cmp::Reverse;
 
-use crate::signal::contacts::{ContactRegion, find::Finder};
+use crate::signal::contacts::{ContactRegion, find::Finder, joined::Joined};
 
 /// Matches regions; owns its lists.
 #[derive(Debug, Clone, Default)]
@@ -37,10 +37,10 @@ impl Tracks {
         &mut self,
         last: &[ContactRegion],
         found: &mut [ContactRegion],
-        finder: &Finder,
+        (finder, joined): (&Finder, &Joined),
         reach: f64,
     ) {
-        self.list_pairs(last, found, finder, reach);
+        self.list_pairs(last, found, (finder, joined), reach);
         self.pairs.sort_unstable_by(|a, b| {
             let order = |pair: &Pair| (Reverse(pair.shared), Reverse(last[pair.last].age));
             let ties = (a.last, a.found).cmp(&(b.last, b.found));
@@ -74,13 +74,19 @@ impl Tracks {
         !self.is_joined_found[found]
     }
 
-    fn list_pairs(&mut self, last: &[ContactRegion], found: &[ContactRegion], finder: &Finder, reach: f64) {
+    fn list_pairs(
+        &mut self,
+        last: &[ContactRegion],
+        found: &[ContactRegion],
+        (finder, joined): (&Finder, &Joined),
+        reach: f64,
+    ) {
         self.pairs.clear();
         for (from, region) in last.iter().enumerate() {
             self.shared.clear();
             self.shared.resize(found.len(), 0);
-            for &taxel in &region.taxels {
-                if let Some(to) = finder.region_of(region.patch, taxel) {
+            for taxel in joined.numbers(region) {
+                if let Some(to) = finder.region_of(taxel) {
                     self.shared[to] += 1;
                 }
             }

@@ -2,12 +2,14 @@
 
 use glam::DVec3;
 
+use crate::body::BodyTaxel;
 use crate::id::VertexId;
 use crate::signal::ContactRegion;
 use crate::signal::clock::SAME_S;
+use crate::signal::events::bridges::Bridges;
 use crate::signal::events::history::{Edge, History, Stretch};
 use crate::signal::events::path::{Motion, Path};
-use crate::signal::events::{Event, EventContact, EventOptions, Phase, Word};
+use crate::signal::events::{Event, EventContact, EventOptions, EventPlace, Phase, Word};
 use crate::skin::{LinkId, PatchId};
 
 /// Begin and end are dated from the taxels of the first and the last time of this length, in s, and moved by no more than
@@ -34,7 +36,13 @@ pub(super) struct Followed {
     pub(super) number: u64,
     /// The track that it is now.
     pub(super) track: u64,
+    /// That of its patch in its last frame.
     pub(super) link: LinkId,
+    /// The patch in its last frame, and the one that its path is in the frame of.
+    patch_now: PatchId,
+    frame: PatchId,
+    /// All its patches, ascending.
+    patches: Vec<PatchId>,
     pub(super) onset: f64,
     /// Before this time its first peak read nothing: it had not begun.
     possible: f64,
@@ -62,9 +70,10 @@ pub(super) struct Followed {
     force_peak_time: f64,
     impulse: f64,
     area: f64,
-    /// The patch, the taxels and the peak when it was largest.
+    /// The patch, the taxels, those on other patches, and the peak when it was largest.
     patch: PatchId,
     taxels: Vec<VertexId>,
+    beyond: Vec<BodyTaxel>,
     peak: f64,
     peak_taxel: VertexId,
 }
@@ -83,6 +92,9 @@ impl Followed {
             number,
             track: region.track,
             link: region.link,
+            patch_now: region.patch,
+            frame: region.patch,
+            patches: Vec::new(),
             onset: time,
             possible,
             last: time,
@@ -105,13 +117,20 @@ impl Followed {
             area: 0.0,
             patch: region.patch,
             taxels: Vec::with_capacity(taxels),
+            beyond: Vec::new(),
             peak: f64::NEG_INFINITY,
             peak_taxel: region.peak_taxel,
         }
     }
 
     /// Takes the contact in a frame.
-    pub(super) fn see(&mut self, time: f64, region: &ContactRegion) {
+    pub(super) fn see(&mut self, time: f64, region: &ContactRegion, bridges: &Bridges) {
+        for patch in region.beyond.iter().map(|at| at.patch).chain([region.patch]) {
+            if let Err(place) = self.patches.binary_search(&patch) {
+                self.patches.insert(place, patch);
+            }
+        }
+        (self.link, self.patch_now) = (region.link, region.patch);
         if self.frames > 0 {
             self.impulse += 0.5 * (time - self.last) * (self.force + region.force);
         }
@@ -127,9 +146,11 @@ impl Followed {
             (self.patch, self.peak, self.peak_taxel) = (region.patch, region.peak, region.peak_taxel);
             self.taxels.clear();
             self.taxels.extend_from_slice(&region.taxels);
+            self.beyond.clear();
+            self.beyond.extend_from_slice(&region.beyond);
         }
         self.keep_edges(time, region);
-        self.path.add(time, region);
+        self.path.add(time, region, bridges.moved(region.centre, [region.patch, self.frame]));
         if time - self.onset <= RISE_S + SAME_S {
             self.is_dated = false;
         }
@@ -163,10 +184,9 @@ impl Followed {
     pub(super) fn date_begin(&mut self, history: &mut History) {
         if !self.is_dated {
             self.is_dated = true;
-            let Stretch { patch, taxels, .. } = &self.first;
+            let taxels = &self.first.taxels;
             let span = [self.onset, self.last];
-            let found =
-                history.date(Edge::Begin, *patch, taxels, span, self.last - self.onset).unwrap_or(self.onset);
+            let found = history.date(Edge::Begin, taxels, span, self.last - self.onset).unwrap_or(self.onset);
             self.begin = found.max(self.possible).clamp(self.onset - DATED_MOST_S, self.onset);
         }
     }
@@ -184,10 +204,9 @@ impl Followed {
     /// Dates its end.
     pub(super) fn date_end(&mut self, history: &mut History) {
         let [before, now] = &self.last_stretches;
-        let Stretch { begin, patch, taxels, .. } = if before.taxels.is_empty() { now } else { before };
-        let found = history
-            .date(Edge::End, *patch, taxels, [*begin, self.last], self.last - self.onset)
-            .unwrap_or(self.last);
+        let Stretch { begin, taxels, .. } = if before.taxels.is_empty() { now } else { before };
+        let found =
+            history.date(Edge::End, taxels, [*begin, self.last], self.last - self.onset).unwrap_or(self.last);
         let latest = history.latest().unwrap_or(self.last).max(self.last);
         self.end = found.clamp(self.last, latest.min(self.last + DATED_MOST_S));
     }
@@ -233,12 +252,18 @@ impl Followed {
     }
 
     /// What is known of it.
-    pub(super) fn contact(&mut self, word: Word, options: &EventOptions) -> EventContact {
+    pub(super) fn contact(&mut self, word: Word, options: &EventOptions, bridges: &Bridges) -> EventContact {
         let Motion { from, to, net, .. } = self.path.motion();
         let way = (to.point - from.point).normalize_or_zero();
         let is_moving = matches!(word, Word::Stroke | Word::Rub);
         let cosine = |direction: DVec3| direction.normalize_or_zero().dot(way);
-        let words = options.words.iter().enumerate().filter(|(_, word)| word.link == self.link);
+        // The path is in the frame of the link that it began on.
+        let link = bridges.link(self.frame);
+        let words = options.words.iter().enumerate().filter(|(_, word)| word.link == link);
+        let in_own = |place: EventPlace| EventPlace {
+            point: bridges.moved(place.point, [self.frame, place.patch]),
+            ..place
+        };
         // Of equal ones the first.
         let nearest = words.map(|(k, word)| (k, cosine(word.direction)));
         let nearest = nearest.fold(None, |best: Option<(usize, f64)>, now| match best {
@@ -247,13 +272,14 @@ impl Followed {
         });
         EventContact {
             patch: self.patch,
-            link: self.link,
+            link: bridges.link(self.patch),
+            patches: self.patches.clone(),
             force_peak: self.force_peak,
             force_mean: self.force_sum / self.frames as f64,
             impulse: self.impulse,
             area: self.area,
-            from,
-            to,
+            from: in_own(from),
+            to: in_own(to),
             length: self.path.length.max(net),
             // Maps of two patches have no direction in common.
             direction: (is_moving && from.patch == to.patch).then(|| {
@@ -262,11 +288,18 @@ impl Followed {
             }),
             body_word: nearest.filter(|(_, cos)| word == Word::Stroke && *cos > WORD_COSINE).map(|(k, _)| k),
             taxels: self.taxels.clone(),
+            beyond: self.beyond.clone(),
             peak_taxel: self.peak_taxel,
         }
     }
 
-    pub(super) fn event(&mut self, word: Word, phase: Phase, time: f64, options: &EventOptions) -> Event {
+    pub(super) fn event(
+        &mut self,
+        word: Word,
+        phase: Phase,
+        time: f64,
+        (options, bridges): (&EventOptions, &Bridges),
+    ) -> Event {
         let begin = self.begin();
         let until = if phase == Phase::End { self.end() } else { self.last };
         Event {
@@ -276,7 +309,7 @@ impl Followed {
             time,
             begin,
             duration: until - begin,
-            contact: Some(self.contact(word, options)),
+            contact: Some(self.contact(word, options, bridges)),
         }
     }
 }
@@ -305,16 +338,21 @@ impl Waiting {
         time: f64,
         region: &ContactRegion,
         options: &EventOptions,
+        bridges: &Bridges,
     ) -> Option<(f64, u64)> {
-        let distance = self.0.centre.distance(region.centre);
-        let is_near = self.0.link == region.link && distance <= options.join_m;
+        let ends = [self.0.patch_now, region.patch];
+        let distance = bridges.moved(self.0.centre, ends).distance(region.centre);
+        let is_near = match bridges.gap(ends) {
+            Some(width) => distance <= options.join_m + width,
+            None => self.0.link == region.link && distance <= options.join_m,
+        };
         (is_near && self.may_go_on(time, options)).then_some((distance, self.0.number))
     }
 
     /// It, continued by a region.
-    pub(super) fn go_on(mut self, time: f64, region: &ContactRegion) -> Followed {
+    pub(super) fn go_on(mut self, time: f64, region: &ContactRegion, bridges: &Bridges) -> Followed {
         self.0.track = region.track;
-        self.0.see(time, region);
+        self.0.see(time, region, bridges);
         self.0
     }
 

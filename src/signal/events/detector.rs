@@ -4,6 +4,7 @@ use crate::id::IdVec;
 use crate::map::SkinMap;
 use crate::mesh::edges;
 use crate::pyramid::LevelId;
+use crate::signal::events::bridges::Bridges;
 use crate::signal::events::contact::{Followed, PatchLimits, Waiting};
 use crate::signal::events::groups::Groups;
 use crate::signal::events::history::History;
@@ -43,6 +44,7 @@ use crate::skin::PatchId;
 #[derive(Debug, Clone)]
 pub struct EventDetector {
     options: EventOptions,
+    bridges: Bridges,
     limits: IdVec<PatchId, PatchLimits>,
     /// Of the last frame.
     time: Option<f64>,
@@ -77,6 +79,7 @@ impl EventDetector {
         });
         Ok(Self {
             options,
+            bridges: Bridges::new(map),
             limits,
             time: None,
             clock: Clock::new(),
@@ -140,7 +143,7 @@ impl EventDetector {
     fn report(&mut self, time: f64) -> &[Event] {
         self.end_contacts(time, false);
         self.report_changes(time);
-        self.groups.grasp(time, &mut self.open, &self.options, &mut self.events);
+        self.groups.grasp(time, &mut self.open, (&self.options, &self.bridges), &mut self.events);
         let going_on = || self.open.iter().chain(self.waiting.iter().map(Waiting::contact));
         self.groups.end_pats(time, going_on, &self.options, &mut self.events);
         &self.events
@@ -159,20 +162,20 @@ impl EventDetector {
     /// Finds the contact of each region: that of its track, one that it continues, or a new one.
     fn follow(&mut self, time: f64, regions: &[ContactRegion]) {
         let here = || regions.iter().filter(|region| region.event != ContactEvent::Release);
-        let Self { open, waiting, options, limits, history, next, pairs, .. } = self;
+        let Self { open, waiting, options, bridges, limits, history, next, pairs, .. } = self;
         let gone = open.extract_if(.., |contact| {
             let region = here().find(|region| region.track == contact.track);
             // The history does not have this frame yet: it is that of the last frame of the contact.
             if region.is_none() || contact.is_risen(time) {
                 contact.date_begin(history);
             }
-            region.inspect(|region| contact.see(time, region)).is_none()
+            region.inspect(|region| contact.see(time, region, bridges)).is_none()
         });
         waiting.extend(gone.map(Waiting::new));
         let is_new = |region: &ContactRegion| open.iter().all(|contact| contact.track != region.track);
         pairs.clear();
         for (k, region) in here().enumerate().filter(|(_, region)| is_new(region)) {
-            let near = waiting.iter().filter_map(|contact| contact.distance(time, region, options));
+            let near = waiting.iter().filter_map(|contact| contact.distance(time, region, options, bridges));
             pairs.extend(near.map(|(distance, number)| (distance, k, number)));
         }
         pairs.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
@@ -180,14 +183,14 @@ impl EventDetector {
             let region = here().nth(k).filter(|region| open.iter().all(|other| other.track != region.track));
             let place = waiting.iter().position(|contact| contact.contact().number == number);
             if let (Some(region), Some(place)) = (region, place) {
-                open.push(waiting.remove(place).go_on(time, region));
+                open.push(waiting.remove(place).go_on(time, region, bridges));
             }
         }
         for region in here() {
             if open.iter().all(|contact| contact.track != region.track) {
                 let possible = history.possible(region, time);
                 let mut contact = Followed::new(*next, time, possible, region, limits[region.patch]);
-                contact.see(time, region);
+                contact.see(time, region, bridges);
                 *next += 1;
                 open.push(contact);
             }
@@ -197,7 +200,7 @@ impl EventDetector {
 
     /// Ends contacts that nothing can continue any more, or all.
     fn end_contacts(&mut self, time: f64, all: bool) {
-        let Self { open, waiting, options, events, groups, history, .. } = self;
+        let Self { open, waiting, options, bridges, events, groups, history, .. } = self;
         if all {
             waiting.extend(open.drain(..).map(Waiting::new));
         }
@@ -213,9 +216,9 @@ impl EventDetector {
                 contact.date_end(history);
                 let word = contact.word_now(options, true);
                 if contact.word.is_none() {
-                    events.push(contact.event(Word::Touch, Phase::Begin, time, options));
+                    events.push(contact.event(Word::Touch, Phase::Begin, time, (options, bridges)));
                 }
-                let event = contact.event(word, Phase::End, time, options);
+                let event = contact.event(word, Phase::End, time, (options, bridges));
                 events.push(event.clone());
                 if word == Word::Tap {
                     groups.tap(&event, options, events);
@@ -227,13 +230,13 @@ impl EventDetector {
 
     /// Reports contacts that have begun, and those that are something else by now.
     fn report_changes(&mut self, time: f64) {
-        let Self { open, options, events, history, .. } = self;
+        let Self { open, options, bridges, events, history, .. } = self;
         for contact in open {
             match contact.word {
                 None if contact.is_lasting(options) => {
                     contact.date_begin(history);
                     contact.word = Some(Word::Touch);
-                    events.push(contact.event(Word::Touch, Phase::Begin, time, options));
+                    events.push(contact.event(Word::Touch, Phase::Begin, time, (options, bridges)));
                 }
                 Some(before) if contact.may_be_more_than(before, options) => {
                     if contact.may_be_hold(options) {
@@ -244,7 +247,7 @@ impl EventDetector {
                     if word > before {
                         contact.date_begin(history);
                         contact.word = Some(word);
-                        events.push(contact.event(word, Phase::Change, time, options));
+                        events.push(contact.event(word, Phase::Change, time, (options, bridges)));
                     }
                 }
                 _ => {}

@@ -3,6 +3,7 @@
 use glam::DVec3;
 
 use crate::signal::clock::SAME_S;
+use crate::signal::events::bridges::Bridges;
 use crate::signal::events::contact::Followed;
 use crate::signal::events::{Event, EventContact, EventOptions, Phase, Word};
 use crate::skin::LinkId;
@@ -94,7 +95,7 @@ impl Groups {
         &mut self,
         time: f64,
         open: &mut [Followed],
-        options: &EventOptions,
+        (options, bridges): (&EventOptions, &Bridges),
         events: &mut Vec<Event>,
     ) {
         for k in 0..open.len() {
@@ -108,10 +109,10 @@ impl Groups {
             }
             let place = self.grasps.iter().position(|grasp| grasp.link == first.link);
             let place = place.unwrap_or_else(|| {
-                self.grasps.push(Grasp::new(time, &mut open[k], options));
+                self.grasps.push(Grasp::new(time, &mut open[k], (options, bridges)));
                 self.grasps.len() - 1
             });
-            self.grasps[place].add(time, self.time, open, options);
+            self.grasps[place].add(time, self.time, open, (options, bridges));
         }
         self.time = time;
         self.grasps.sort_by_key(|grasp| grasp.link);
@@ -153,7 +154,7 @@ impl Series {
 }
 
 impl Grasp {
-    fn new(time: f64, first: &mut Followed, options: &EventOptions) -> Self {
+    fn new(time: f64, first: &mut Followed, (options, bridges): (&EventOptions, &Bridges)) -> Self {
         Self {
             link: first.link,
             since: time,
@@ -165,12 +166,18 @@ impl Grasp {
             force_sum: 0.0,
             impulse: 0.0,
             frames: 0.0,
-            contact: first.contact(Word::Grasp, options),
+            contact: first.contact(Word::Grasp, options, bridges),
         }
     }
 
     /// Takes those of these contacts that are on its link, and the time of the frame before.
-    fn add(&mut self, time: f64, before: f64, open: &mut [Followed], options: &EventOptions) {
+    fn add(
+        &mut self,
+        time: f64,
+        before: f64,
+        open: &mut [Followed],
+        (options, bridges): (&EventOptions, &Bridges),
+    ) {
         let link = self.link;
         let of_link = || open.iter().filter(|contact| contact.link == link);
         let force: f64 = of_link().map(|contact| contact.force).sum();
@@ -191,7 +198,7 @@ impl Grasp {
             let of_link = open.iter_mut().filter(|contact| contact.link == link);
             let strongest = of_link.reduce(|a, b| if b.force > a.force { b } else { a });
             if let Some(strongest) = strongest {
-                self.contact = strongest.contact(Word::Grasp, options);
+                self.contact = strongest.contact(Word::Grasp, options, bridges);
             }
         }
     }

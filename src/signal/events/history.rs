@@ -4,6 +4,7 @@
 //! of a contact is less noisy. The depth of a blunt body is proportional to the root of its force, so the root of the sum
 //! rises evenly as the body comes nearer: a line through 0.4 and 0.8 of its largest value is zero where the contact began.
 
+use crate::body::BodyTaxel;
 use crate::id::{IdVec, VertexId};
 use crate::signal::ContactRegion;
 use crate::signal::clock::SAME_S;
@@ -38,17 +39,16 @@ pub(super) struct Stretch {
     /// In s.
     pub(super) begin: f64,
     pub(super) peak: f64,
-    pub(super) patch: PatchId,
-    pub(super) taxels: Vec<VertexId>,
+    pub(super) taxels: Vec<BodyTaxel>,
 }
 
 impl Stretch {
     /// Takes the contact in a frame.
     pub(super) fn add(&mut self, region: &ContactRegion) {
         if region.peak > self.peak {
-            (self.peak, self.patch) = (region.peak, region.patch);
+            self.peak = region.peak;
             self.taxels.clear();
-            self.taxels.extend_from_slice(&region.taxels);
+            self.taxels.extend(region.all_taxels());
         }
     }
 }
@@ -144,8 +144,7 @@ impl History {
     pub(super) fn date(
         &mut self,
         edge: Edge,
-        patch: PatchId,
-        taxels: &[VertexId],
+        taxels: &[BodyTaxel],
         span: [f64; 2],
         lasted: f64,
     ) -> Option<f64> {
@@ -153,8 +152,8 @@ impl History {
         let back = |k: usize| if edge == Edge::Begin { k } else { self.count - 1 - k };
         sums.clear();
         sums.extend((0..self.count).map(|k| {
-            let frame = &self.values[self.place(back(k)) * self.taxels + self.starts[patch]..];
-            taxels.iter().map(|taxel| frame[taxel.index()]).sum::<f64>()
+            let frame = &self.values[self.place(back(k)) * self.taxels..];
+            taxels.iter().map(|at| frame[self.starts[at.patch] + at.taxel.index()]).sum::<f64>()
         }));
         let around = self.around(lasted);
         let step = |k: usize| {

@@ -19,11 +19,15 @@
 //! dated back to where the readings of its taxels were zero (`history`), but not to before the first frame, nor to where its first
 //! peak still read nothing.
 //!
+//! A contact goes on over a gap ([`body`](crate::body)): the distance from a last centre on the other side is then at most 15 mm
+//! more than the gap is wide. Its path is measured along the body, with the links at rest.
+//!
 //! Of the centres of pressure in the frame of the link, those with less than a quarter of the largest force aside, *from*
 //! and *to* are the medians of the first and the last eighth, *net* is their distance, and *reach* the length along the
 //! direction in which they differ most, without the outermost 5 %. *Path* is the length of the way in steps of at least 4 mm, so that noise does not
 //! lengthen it; a turn is a step more than 120 degrees away from the one before.
 
+mod bridges;
 mod contact;
 mod detector;
 mod groups;
@@ -32,6 +36,7 @@ mod path;
 
 use glam::{DVec2, DVec3};
 
+use crate::body::BodyTaxel;
 use crate::id::VertexId;
 use crate::signal::SignalError;
 use crate::skin::{LinkId, PatchId};
@@ -200,7 +205,7 @@ pub enum Phase {
 pub struct EventPlace {
     /// The patch.
     pub patch: PatchId,
-    /// In the frame of the link, in m.
+    /// In the frame of the link of the patch, in m.
     pub point: DVec3,
     /// On the map of the patch, in m.
     pub map: DVec2,
@@ -228,8 +233,10 @@ pub struct Event {
 /// Where a contact is, how strong, and how it moves; of a pat or a grasp its last or its strongest contact.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EventContact {
-    /// The patch of its taxels; its ends may be on others of the link.
+    /// The patch of its taxels; its ends may be on others.
     pub patch: PatchId,
+    /// All patches that it was on, ascending.
+    pub patches: Vec<PatchId>,
     /// Its link.
     pub link: LinkId,
     /// The largest force and the mean over the frames, in N; of a grasp of all its contacts together. NaN if the unit of
@@ -251,8 +258,10 @@ pub struct EventContact {
     pub direction: Option<f64>,
     /// The name of the direction, as a number in [`EventOptions::words`]; of strokes.
     pub body_word: Option<usize>,
-    /// The taxels when it was largest, ascending.
+    /// The taxels on its patch when it was largest, ascending.
     pub taxels: Vec<VertexId>,
+    /// Those on other patches then, ascending.
+    pub beyond: Vec<BodyTaxel>,
     /// The one with the largest reading then.
     pub peak_taxel: VertexId,
 }

@@ -91,8 +91,8 @@ impl Path {
         }
     }
 
-    /// Takes the contact in a frame.
-    pub(super) fn add(&mut self, time: f64, region: &ContactRegion) {
+    /// Takes the contact in a frame, with its centre in the frame of the path.
+    pub(super) fn add(&mut self, time: f64, region: &ContactRegion, centre: DVec3) {
         let load = region.peak.max(f64::MIN_POSITIVE);
         let is_new = self
             .blocks
@@ -105,7 +105,7 @@ impl Path {
         if let Some(block) = self.blocks.last_mut() {
             block.frames += 1.0;
             block.load += load;
-            block.point += load * region.centre;
+            block.point += load * centre;
             block.map += load * region.map;
         }
     }

@@ -14,6 +14,7 @@ mod totals;
 
 use std::collections::BTreeMap;
 
+use crate::body::BodyTaxel;
 use crate::id::IdVec;
 use crate::map::{RegionId, Regions, SkinMap};
 use crate::pyramid::LevelId;
@@ -171,12 +172,12 @@ impl Summary {
                 }
                 continue;
             }
-            let adder = &self.adder[region.patch];
             let mut load = Load::default();
-            for &taxel in &region.taxels {
-                let value = tracker.values()[region.patch][taxel];
+            for BodyTaxel { patch, taxel } in region.all_taxels() {
+                let value = tracker.values()[patch][taxel];
                 // All taxels of a contact are loaded, also those between its two thresholds.
-                if let Some(of_taxel) = adder.load(region.patch, taxel, value, f64::NEG_INFINITY) {
+                let adder = &self.adder[patch];
+                if let Some(of_taxel) = adder.load(patch, taxel, value, f64::NEG_INFINITY) {
                     load.merge(&of_taxel);
                 }
             }

@@ -52,6 +52,8 @@ use crate::{
 ///     Cut until no triangle of the map is larger or smaller than on the skin by more than this factor.
 /// seam_side : (3,) array_like, optional
 ///     The way that skin faces where seams are preferred, as the inside of limbs.
+/// across : float, optional
+///     Widest gap between patches that contacts go on over, in m; 0 for none; 3.5 spacings by default.
 /// pixel : float, optional
 ///     Side of a pixel of the images, in m.
 /// keep_going : bool
@@ -79,7 +81,7 @@ use crate::{
 #[pyfunction]
 #[pyo3(signature = (skin, *, ratio=None, levels=None, coarsest=32, method="intrinsic", energy="sum", angle=1.0,
     area=1.0, perimeter=0.0, magnify=0.0, magnify_over="skin", overlap="prevent", boundary="free", cut=None,
-    max_area_ratio=None, seam_side=None, pixel=None, keep_going=false, acuity=None, threads=0, progress=None))]
+    max_area_ratio=None, seam_side=None, across=None, pixel=None, keep_going=false, acuity=None, threads=0, progress=None))]
 #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
 pub(crate) fn build(
     py: Python<'_>,
@@ -99,6 +101,7 @@ pub(crate) fn build(
     cut: Option<&Bound<'_, PyAny>>,
     max_area_ratio: Option<f64>,
     seam_side: Option<&Bound<'_, PyAny>>,
+    across: Option<f64>,
     pixel: Option<f64>,
     keep_going: bool,
     acuity: Option<&Bound<'_, PyAny>>,
@@ -115,6 +118,10 @@ pub(crate) fn build(
             coarsest: count("coarsest", coarsest)?,
         },
         flatten: flatten.options()?,
+        across: match across {
+            Some(0.0) | None => across,
+            Some(most) => Some(positive("across", most)?),
+        },
         pixel: pixel.map(|side| positive("pixel", side)).transpose()?,
         magnify_over: word(
             "magnify_over",

@@ -185,7 +185,7 @@ impl PyEventDetector {
                 found.set_item(name, value)?;
             }
             if let Some(contact) = &event.contact {
-                self.describe(py, contact, event.duration, &found)?;
+                self.describe(py, contact, event, &found)?;
             }
             all.append(found)?;
         }
@@ -196,7 +196,7 @@ impl PyEventDetector {
         &self,
         py: Python<'_>,
         contact: &EventContact,
-        duration: f64,
+        event: &Event,
         found: &Bound<'_, PyDict>,
     ) -> PyResult<()> {
         let map = &self.map.get().map;
@@ -226,15 +226,29 @@ impl PyEventDetector {
         found.set_item("length", contact.length)?;
         if let Some(direction) = contact.direction {
             found.set_item("direction", direction)?;
-            if duration > 0.0 {
-                found.set_item("speed", contact.length / duration)?;
-            }
+        }
+        if matches!(event.word, Word::Stroke | Word::Rub) && event.duration > 0.0 {
+            found.set_item("speed", contact.length / event.duration)?;
         }
         if let Some(word) = contact.body_word {
             found.set_item("words", vec![&self.words[word].word])?;
         }
         let ids = contact.taxels.iter().map(|&taxel| patch.taxels.ids[taxel].0);
-        found.set_item("taxels", vector(py, ids))
+        found.set_item("taxels", vector(py, ids))?;
+        if contact.patches.len() > 1 {
+            let names: Vec<_> = contact.patches.iter().map(|&patch| &map.patches[patch].name).collect();
+            found.set_item("patches", names)?;
+        }
+        if !contact.beyond.is_empty() {
+            let beyond = PyDict::new(py);
+            for part in contact.beyond.chunk_by(|a, b| a.patch == b.patch) {
+                let patch = &map.patches[part[0].patch];
+                let ids = part.iter().map(|at| patch.taxels.ids[at.taxel].0);
+                beyond.set_item(&patch.name, vector(py, ids))?;
+            }
+            found.set_item("beyond", beyond)?;
+        }
+        Ok(())
     }
 }
 

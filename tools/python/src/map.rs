@@ -39,7 +39,7 @@ use crate::{
     matrix::PyMatrix,
     options::{Extensive, PackArg, count, level},
     plot::{PlotArgs, PyPicture},
-    pool::{FieldArrays, Pooling, fields_of, pool_groups, pooling_of, starts},
+    pool::{FieldArrays, Pooling, body_level, fields_of, pool_body, pool_groups, pooling_of, starts},
     renderer::{PyRenderer, RenderArgs},
 };
 
@@ -482,8 +482,8 @@ impl PyMap {
     /// ----------
     /// values : (..., N) array_like
     ///     Readings in the order of the map; NaN where there is none. Taxels that are not present have none.
-    /// level : int
-    ///     The level.
+    /// level : int or str
+    ///     The level, or one of the whole body, as "body.L0", which has no contrast.
     /// extensive : bool
     ///     Whether they are amounts, as forces, which are summed, and not averages, as pressures.
     /// contrast : bool
@@ -509,11 +509,19 @@ impl PyMap {
         &self,
         py: Python<'py>,
         values: &Bound<'py, PyAny>,
-        level: i64,
+        level: &Bound<'py, PyAny>,
         extensive: bool,
         contrast: bool,
         threads: i64,
     ) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
+        if let Ok(name) = level.extract::<String>() {
+            let level = body_level(&self.map, &name)?;
+            if contrast {
+                return Err(bad("contrast", "True", "False for a level of the whole body"));
+            }
+            return pool_body(py, &self.map, values, level, extensive);
+        }
+        let level = level.extract::<i64>()?;
         let level = self::level("level", level, self.levels())?;
         let (threads, pooling) =
             (count("threads", threads)?, Pooling { map: &self.map, level, extensive, contrast });

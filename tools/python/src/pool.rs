@@ -2,10 +2,11 @@
 
 use dermatome::{
     SkinMap,
+    id::VertexId,
     map::PatchMap,
     pyramid::LevelId,
     recording::{Batch, Carried},
-    signal::{GroupPool, SignalError},
+    signal::{BodyFields, Duplicates, Frame, GroupPool, Join, SignalError},
     skin::PatchId,
 };
 use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
@@ -13,7 +14,7 @@ use pyo3::prelude::*;
 
 use crate::{
     arrays::{bad_shape, floats, vector, zeros},
-    errors::error,
+    errors::{bad, error},
     jobs::run_here,
     matrix::{PyMatrix, Rows},
     options::{channels, quantity},
@@ -104,6 +105,47 @@ pub(crate) fn pool_groups<'py>(
             out.iter_mut().zip(sums).for_each(|(out, value)| *out = narrow(value));
         }
     })?;
+    Ok(pooled)
+}
+
+/// The level of the whole body of this name.
+pub(crate) fn body_level(map: &SkinMap, name: &str) -> PyResult<LevelId> {
+    let number = name.strip_prefix("body.L").and_then(|number| number.parse::<u32>().ok()).map(LevelId::from);
+    let count = map.body.levels.len();
+    number.filter(|level| level.index() < count).ok_or_else(|| {
+        let needed = match count {
+            0 => "a number: a map of one patch, or an older one, has no levels of the whole body".to_owned(),
+            count => format!("a number, or \"body.L0\" to \"body.L{}\"", count - 1),
+        };
+        bad("level", format!("{name:?}"), needed)
+    })
+}
+
+/// Carries readings of the taxels of a map to the fields of a level of the whole body.
+pub(crate) fn pool_body<'py>(
+    py: Python<'py>,
+    map: &SkinMap,
+    values: &Bound<'py, PyAny>,
+    level: LevelId,
+    extensive: bool,
+) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
+    let mut fields = BodyFields::new(map);
+    let count = fields.sizes()[level];
+    let (values, shape) = frames_of(map, values, count)?;
+    let taxels = values.shape().last().copied().unwrap_or(0);
+    let (pooled, values) = (zeros(py, &shape)?, values.as_slice()?);
+    let quantity = quantity(extensive);
+    let join = Join::new(map, None, taxels, Duplicates::Refuse).map_err(error)?;
+    let mut frame = Frame::new(map, 1);
+    let mut writer = pooled.readwrite();
+    let frames = writer.as_slice_mut()?.chunks_mut(count).zip(values.chunks(taxels.max(1)));
+    for (out, values) in frames {
+        join.fill(values, &mut frame);
+        fields.take(&frame, 0, quantity);
+        for (field, out) in out.iter_mut().enumerate() {
+            *out = narrow(fields.value(level, VertexId::new(field), quantity));
+        }
+    }
     Ok(pooled)
 }
 

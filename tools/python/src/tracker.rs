@@ -2,6 +2,7 @@
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
+use dermatome::body::BodyTaxel;
 use dermatome::{
     id::VertexId,
     signal::{
@@ -118,7 +119,7 @@ impl PyContactTracker {
     /// Returns
     /// -------
     /// list of dict
-    ///     For each contact its `track`, `event` ("onset", "move" or "release"), `age`, `patch`, `link`, `taxels`,
+    ///     For each contact its `track`, `event` ("onset", "move" or "release"), `age`, `patch`, `link`, `taxels` (on that patch), `patches`, `beyond` (the taxels on other patches),
     ///     `area` (m^2), `force` (N), `centre` and `normal` (m, frame of the link), `uv` (m on the map), `major`,
     ///     `minor` (m), `angle` (rad), `peak_taxel` and `peak`.
     #[pyo3(signature = (values, time=None))]
@@ -214,6 +215,12 @@ impl PyContactTracker {
         let map = self.map.get();
         let region = |contact: &Bound<'_, PyDict>| -> PyResult<ContactRegion> {
             let patch = map.patch_named(&item::<String>(contact, "patch")?)?;
+            let mut beyond = Vec::new();
+            for (name, taxels) in &item::<Bound<'_, PyDict>>(contact, "beyond")? {
+                let patch = map.patch_named(&name.extract::<String>()?)?;
+                let taxels = taxels.extract::<Vec<u32>>()?.into_iter().map(VertexId::from);
+                beyond.extend(taxels.map(|taxel| BodyTaxel { patch, taxel }));
+            }
             let event: String = item(contact, "event")?;
             Ok(ContactRegion {
                 track: item(contact, "track")?,
@@ -226,6 +233,7 @@ impl PyContactTracker {
                 patch,
                 link: map.map.patches[patch].link,
                 taxels: vertices(contact)?,
+                beyond,
                 area: item(contact, "area")?,
                 force: item(contact, "force")?,
                 centre: item::<[f64; 3]>(contact, "centre")?.into(),
@@ -276,6 +284,14 @@ impl PyContactTracker {
         contact.set_item("patch", &map.patches[region.patch].name)?;
         contact.set_item("link", &map.links[region.link].name)?;
         contact.set_item("taxels", vector(py, region.taxels.iter().map(|taxel| taxel.raw())))?;
+        let names = region.patches().into_iter().map(|patch| map.patches[patch].name.clone());
+        contact.set_item("patches", names.collect::<Vec<_>>())?;
+        let beyond = PyDict::new(py);
+        for part in region.beyond.chunk_by(|a, b| a.patch == b.patch) {
+            let taxels = vector(py, part.iter().map(|at| at.taxel.raw()));
+            beyond.set_item(&map.patches[part[0].patch].name, taxels)?;
+        }
+        contact.set_item("beyond", beyond)?;
         contact.set_item("area", region.area)?;
         contact.set_item("force", region.force)?;
         contact.set_item("centre", vector(py, region.centre.to_array()))?;

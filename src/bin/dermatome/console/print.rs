@@ -4,6 +4,7 @@ use std::fmt::Display;
 use std::io::{self, ErrorKind, IsTerminal, Stdout, Write};
 
 use dermatome::Error;
+use dermatome::body::Gap;
 use dermatome::io::{IoError, Outputs};
 use dermatome::report::{LevelReport, PatchReport};
 use serde::Serialize;
@@ -154,6 +155,16 @@ pub(crate) fn print_table<const N: usize>(words: usize, rows: &[[(&str, String);
         text.push('\n');
     }
     print(&text)
+}
+
+/// A line for each gap: between which patches, how many links, and how wide.
+pub(crate) fn print_gaps(gaps: &[([String; 2], Gap)]) -> anyhow::Result<()> {
+    let line = |([a, b], gap): &([String; 2], Gap)| {
+        let [least, most] = gap.width.map(|width| 1e3 * width);
+        let links = if gap.links == 1 { "link" } else { "links" };
+        format!("gap {} - {}: {} {links}, {least:.1} to {most:.1} mm\n", plain(a), plain(b), gap.links)
+    };
+    print(&gaps.iter().map(line).collect::<String>())
 }
 
 pub(crate) fn print_levels(patches: &[PatchReport]) -> anyhow::Result<()> {

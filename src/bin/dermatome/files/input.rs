@@ -6,12 +6,14 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use dermatome::Error;
+use dermatome::body::{Body, Gap, gap_links};
 use dermatome::io::{IoError, ReadingsLayout, ReadingsReader, read_map};
 use dermatome::map::SkinMap;
 use dermatome::remesh::{Remeshed, keep_outer, remesh_skin};
 use dermatome::run::Run;
 use dermatome::skin::{AssembleOptions, Draft, Remark, RemarkKind, Skin, assemble};
 use glob::Pattern;
+use serde_json::{Value, json};
 
 use crate::console::errors::advise;
 use crate::console::notes::{first_names, note, note_remarks};
@@ -270,6 +272,22 @@ pub(crate) fn read_draft_of(path: &Path, read: &ReadArgs, materials: bool) -> an
 }
 
 /// The map of a file, if it has one; otherwise it may be a skin.
+/// The gaps of a skin with the names of their patches: those that a map has links over, or `build` would find.
+pub(crate) fn gaps_of(map: Option<&SkinMap>, skin: &Skin) -> Vec<([String; 2], Gap)> {
+    let gaps = match map {
+        Some(map) => map.gaps(),
+        None => Body { links: gap_links(skin, None), ..Body::default() }.gaps(skin),
+    };
+    let named = |gap: Gap| (gap.patches.map(|patch| skin.patches[patch].name.clone()), gap);
+    gaps.into_iter().map(named).collect()
+}
+
+/// Gaps as JSON.
+pub(crate) fn gaps_as_json(gaps: &[([String; 2], Gap)]) -> Value {
+    let object = |(patches, gap): &([String; 2], Gap)| json!({ "patches": patches, "links": gap.links, "width_mm": gap.width.map(|width| 1e3 * width) });
+    gaps.iter().map(object).collect()
+}
+
 pub(crate) fn read_map_if_any(path: &Path) -> Result<Option<SkinMap>, Error> {
     if !is_gltf(path) {
         return Ok(None);

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use dermatome::Error;
+use dermatome::body::Body;
 use dermatome::contact::{Cell, LiveTaxels};
 use dermatome::id::IdVec;
 use dermatome::io::{MotionFile, read_motion};
@@ -47,6 +48,8 @@ impl Robot {
         regions.apply(&mut map, common)?;
         let has_skin = carries(&map);
         let all = map.patches.into_iter().collect();
+        // What joins patches is of no use here, and numbers all of them.
+        map.body = Body::default();
         map.patches = select_patches(path, all, patches, |patch| &patch.name)?.into();
         let most = map.patches.iter().map(|patch| patch.levels.len()).max().unwrap_or(0);
         if let Some(level) = chosen.iter().find(|&&level| level >= most) {

@@ -35,6 +35,14 @@ pub(crate) fn side_mm(text: &str) -> Result<f64, String> {
         .ok_or_else(|| "needed: a length above 0, as in 5, 5mm or 0.005m".into())
 }
 
+/// A length in m, 0 or above; a bare number is in m.
+pub(crate) fn length_or_0(text: &str) -> Result<f64, String> {
+    length(text)
+        .ok()
+        .filter(|x| *x >= 0.0 && x.is_finite())
+        .ok_or_else(|| "needed: a length, as in 0.02, 20mm or 0 for none".into())
+}
+
 fn length_in(text: &str, bare: f64) -> Option<f64> {
     let units = [("mm", 1e-3), ("cm", 1e-2), ("dm", 0.1), ("in", 0.0254), ("m", 1.0)];
     let known = units.iter().find_map(|(name, unit)| Some((text.strip_suffix(name)?, *unit)));

@@ -7,7 +7,7 @@ use dermatome::io::read_body_words;
 use dermatome::map::SkinMap;
 use dermatome::recording::Step;
 use dermatome::signal::{
-    BodyWord, Event, EventContact, EventDetector, EventOptions, EventPlace, Phase, SignalError,
+    BodyWord, Event, EventContact, EventDetector, EventOptions, EventPlace, Phase, SignalError, Word,
 };
 use serde_json::{Map, Value, json};
 
@@ -173,6 +173,9 @@ fn describe(
     let patch = &map.patches[contact.patch];
     put("patch", json!(patch.name));
     put("link", json!(map.links[contact.link].name));
+    if contact.patches.len() > 1 {
+        put("patches", contact.patches.iter().map(|&patch| json!(map.patches[patch].name)).collect());
+    }
     let region = patch.taxels.regions.as_ref().and_then(|all| all[contact.peak_taxel].as_deref());
     if let Some(region) = region {
         put("region", json!(region));
@@ -197,12 +200,21 @@ fn describe(
     put("length", json!(contact.length));
     if let Some(direction) = contact.direction {
         put("direction", json!(direction));
-        if event.duration > 0.0 {
-            put("speed", json!(contact.length / event.duration));
-        }
+    }
+    if matches!(event.word, Word::Stroke | Word::Rub) && event.duration > 0.0 {
+        put("speed", json!(contact.length / event.duration));
     }
     if let Some(word) = contact.body_word {
         put("words", json!([words[word].word]));
     }
     put("taxels", contact.taxels.iter().map(|&taxel| json!(patch.taxels.ids[taxel].0)).collect());
+    if !contact.beyond.is_empty() {
+        let mut beyond = Map::new();
+        for part in contact.beyond.chunk_by(|a, b| a.patch == b.patch) {
+            let patch = &map.patches[part[0].patch];
+            let ids = part.iter().map(|at| json!(patch.taxels.ids[at.taxel].0)).collect();
+            beyond.insert(patch.name.clone(), ids);
+        }
+        put("beyond", beyond.into());
+    }
 }

@@ -30,7 +30,7 @@ pub(super) struct Live {
     zero: Option<ZeroTracker>,
     input: Frame,
     /// The taxels next to each one.
-    pub(super) neighbours: IdVec<PatchId, Csr<u32>>,
+    neighbours: IdVec<PatchId, Csr<u32>>,
     /// Above zero, and these without faults, smoothed.
     pub(super) excess: IdVec<PatchId, IdVec<VertexId, f64>>,
     pub(super) smooth: IdVec<PatchId, IdVec<VertexId, f64>>,

@@ -5,6 +5,9 @@
 //! A region with a filled disc that is wider than two fingers is one contact, a palm. `ridges` splits the others, by atoms
 //! that `fans` lists.
 //!
+//! A region on one patch is fitted in the frame of its link, on that patch alone. One that goes on over a gap is fitted on
+//! all patches, with the links at rest.
+//!
 //! *Heuristic*, from 336 recordings of 0 to 5 fingers on a cover of 642 taxels. The number of the contacts of a region
 //! depends on readings within 60 mm of it, and on the noise of the skin.
 
@@ -19,6 +22,7 @@ use crate::map::{PatchMap, SkinMap};
 use crate::pyramid::LevelId;
 use crate::signal::contacts::ContactRegion;
 use crate::signal::contacts::find::Finder;
+use crate::signal::contacts::joined::Joined;
 use crate::signal::{Channel, Frame, Tick, TrackerOptions};
 use crate::skin::{LinkId, PatchId};
 use fans::Places;
@@ -48,14 +52,18 @@ pub(super) struct Fingers {
     live: Live,
     places: IdVec<PatchId, Places>,
     ridges: Ridges,
+    /// Those of all patches, for regions that go on over gaps; `None` where there are no links.
+    over_gaps: Option<(Places, Ridges)>,
     /// The square roots that are fitted; 0 but for one region at a time.
-    roots: IdVec<PatchId, IdVec<VertexId, f64>>,
+    roots: IdVec<VertexId, f64>,
+    /// The taxels of a region, as its patch numbers them.
+    own: Vec<VertexId>,
     /// Their taxels.
     rooted: Vec<VertexId>,
     /// For each region its link, the sum of its readings, and the box around it.
     extents: Vec<Extent>,
     labels: Vec<u32>,
-    is_seen: IdVec<PatchId, IdVec<VertexId, bool>>,
+    is_seen: IdVec<VertexId, bool>,
     disc: Vec<VertexId>,
     disc_roots: Vec<f64>,
     regions: Vec<ContactRegion>,
@@ -69,16 +77,18 @@ struct Extent {
     high: DVec3,
 }
 
-/// Patches, the lower threshold and `sigma`.
+/// Patches, alone and joined, the smoothed readings of all taxels, the lower threshold and `sigma`.
 #[derive(Clone, Copy)]
 pub(super) struct Limits<'a> {
     pub(super) patches: &'a IdVec<PatchId, PatchMap>,
+    pub(super) joined: &'a Joined,
+    pub(super) smooth: &'a IdVec<VertexId, f64>,
     pub(super) low: f64,
     pub(super) sigma: f64,
 }
 
 impl Fingers {
-    pub(super) fn new(map: &SkinMap, channel: &Channel, options: &TrackerOptions) -> Self {
+    pub(super) fn new(map: &SkinMap, joined: &Joined, channel: &Channel, options: &TrackerOptions) -> Self {
         let first_frames = options.threshold.is_none().then_some(options.noise_frames);
         let mut centres = 0;
         let places = map.patches.map(|patch| {
@@ -87,15 +97,23 @@ impl Fingers {
             centres = places.end();
             places
         });
+        let over_gaps = joined.has_links().then(|| {
+            let places = Places::new(&joined.mesh, &joined.normals, 0);
+            let ridges = Ridges::new(places.end());
+            (places, ridges)
+        });
+        let taxels = joined.mesh.positions.len();
         Self {
             live: Live::new(map, channel, first_frames),
             places,
             ridges: Ridges::new(centres),
-            roots: map.patches.map(|patch| IdVec::filled(0.0, patch.taxels.ids.len())),
+            over_gaps,
+            roots: IdVec::filled(0.0, taxels),
+            own: Vec::new(),
             rooted: Vec::new(),
             extents: Vec::new(),
             labels: Vec::new(),
-            is_seen: map.patches.map(|patch| IdVec::filled(false, patch.taxels.ids.len())),
+            is_seen: IdVec::filled(false, taxels),
             disc: Vec::new(),
             disc_roots: Vec::new(),
             regions: Vec::new(),
@@ -127,13 +145,14 @@ impl Fingers {
     pub(super) fn split(&mut self, limits: &Limits<'_>, found: &mut Vec<ContactRegion>, finder: &mut Finder) {
         self.extents.clear();
         for region in found.iter() {
-            let positions = &limits.patches[region.patch].levels[LevelId::new(0)].level.mesh.positions;
+            let positions = &limits.joined.mesh.positions;
             self.root(limits, region);
-            let sum = self.rooted.iter().map(|&taxel| self.roots[region.patch][taxel].powi(2)).sum();
-            self.unroot(region.patch);
+            let sum = self.rooted.iter().map(|&taxel| self.roots[taxel].powi(2)).sum();
+            self.unroot();
             let places = || region.taxels.iter().map(|&taxel| positions[taxel]);
             let low = places().fold(DVec3::INFINITY, DVec3::min);
-            let link = limits.patches[region.patch].link;
+            let first = region.taxels.first().map(|&taxel| limits.joined.patch_of(taxel));
+            let link = limits.patches[first.unwrap_or_default()].link;
             self.extents.push(Extent {
                 link,
                 sum,
@@ -156,17 +175,13 @@ impl Fingers {
                 continue;
             }
             self.root(limits, &region);
-            let patch = &limits.patches[region.patch];
-            let mesh = &patch.levels[LevelId::new(0)].level.mesh;
-            let (places, roots) = (&self.places[region.patch], &self.roots[region.patch]);
-            let normals = &patch.taxels.normals;
-            let count = self.ridges.fit(mesh, normals, places, roots, &region.taxels, &mut self.labels);
-            self.unroot(region.patch);
+            let count = self.fit(limits, &region);
+            self.unroot();
             for ridge in (0..count).map_while(|ridge| u32::try_from(ridge).ok()) {
                 let mut taxels = finder.take_list();
                 let of_ridge = region.taxels.iter().zip(&self.labels).filter(|(_, label)| **label == ridge);
                 taxels.extend(of_ridge.map(|(taxel, _)| *taxel));
-                let part = ContactRegion { patch: region.patch, taxels, ..ContactRegion::default() };
+                let part = ContactRegion { taxels, ..ContactRegion::default() };
                 if part.taxels.is_empty() { finder.recycle(part) } else { found.push(part) }
             }
             // Neighbours of later regions need its taxels.
@@ -177,9 +192,31 @@ impl Fingers {
         lists.for_each(|region| finder.recycle(region));
     }
 
+    /// Fits ridges to the roots of a region, and labels its taxels; returns their number.
+    fn fit(&mut self, limits: &Limits<'_>, region: &ContactRegion) -> usize {
+        let Self { places, ridges, over_gaps, roots, own, labels, .. } = self;
+        let joined = limits.joined;
+        let ends = [region.taxels.first(), region.taxels.last()].map(|end| end.map(|&v| joined.patch_of(v)));
+        match (over_gaps, ends) {
+            (Some((places, ridges)), [first, last]) if first != last => {
+                let (mesh, normals) = (&joined.mesh, &joined.normals);
+                ridges.fit(mesh, normals, places, &|v| roots[v], &region.taxels, labels)
+            }
+            (_, [first, _]) => {
+                let id = first.unwrap_or_default();
+                let (patch, start) = (&limits.patches[id], joined.start(id));
+                own.clear();
+                own.extend(region.taxels.iter().map(|v| VertexId::new(v.index() - start)));
+                let root = |v: VertexId| roots[VertexId::new(start + v.index())];
+                let (mesh, normals) = (&patch.levels[LevelId::new(0)].level.mesh, &patch.taxels.normals);
+                ridges.fit(mesh, normals, &places[id], &root, own, labels)
+            }
+        }
+    }
+
     /// Lists the square roots of the readings of a region and of the taxels around it that are in no region.
     fn root(&mut self, limits: &Limits<'_>, region: &ContactRegion) {
-        let (smooth, roots) = (&self.live.smooth[region.patch], &mut self.roots[region.patch]);
+        let (smooth, roots) = (limits.smooth, &mut self.roots);
         let mut add = |taxel: VertexId| {
             let beyond = smooth[taxel] - FLOOR * limits.sigma;
             if beyond > 0.0 && roots[taxel] == 0.0 {
@@ -189,7 +226,7 @@ impl Fingers {
         };
         for &taxel in &region.taxels {
             add(taxel);
-            for &next in &self.live.neighbours[region.patch][taxel.index()] {
+            for &next in &limits.joined.next[taxel.index()] {
                 if smooth[next.into()] <= limits.low {
                     add(next.into());
                 }
@@ -197,9 +234,9 @@ impl Fingers {
         }
     }
 
-    fn unroot(&mut self, patch: PatchId) {
+    fn unroot(&mut self) {
         for taxel in self.rooted.drain(..) {
-            self.roots[patch][taxel] = 0.0;
+            self.roots[taxel] = 0.0;
         }
     }
 
@@ -212,10 +249,8 @@ impl Fingers {
 
     /// Whether a region has a filled disc that is wider than two fingers.
     fn is_palm(&mut self, limits: &Limits<'_>, region: &ContactRegion) -> bool {
-        let patch = &limits.patches[region.patch];
-        let (mesh, normals) = (&patch.levels[LevelId::new(0)].level.mesh, &patch.taxels.normals);
-        let smooth = &self.live.smooth[region.patch];
-        let is_seen = &mut self.is_seen[region.patch];
+        let (mesh, normals, smooth) = (&limits.joined.mesh, &limits.joined.normals, limits.smooth);
+        let is_seen = &mut self.is_seen;
         for &centre in &region.taxels {
             if smooth[centre] <= PALM_HIGH * limits.sigma {
                 continue;
@@ -231,7 +266,7 @@ impl Fingers {
             let mut next = 0;
             while let Some(&taxel) = self.disc.get(next) {
                 next += 1;
-                for &v in &self.live.neighbours[region.patch][taxel.index()] {
+                for &v in &limits.joined.next[taxel.index()] {
                     let v: VertexId = v.into();
                     if !is_seen[v] && is_in(v) {
                         is_seen[v] = true;

@@ -89,7 +89,7 @@ impl Ridges {
         mesh: &TriMesh,
         normals: &IdVec<VertexId, DVec3>,
         places: &Places,
-        roots: &IdVec<VertexId, f64>,
+        root: &dyn Fn(VertexId) -> f64,
         region: &[VertexId],
         labels: &mut Vec<u32>,
     ) -> usize {
@@ -104,10 +104,10 @@ impl Ridges {
         }
         self.list_near(mesh, places, region);
         self.list_fans(mesh, normals, places);
-        if self.left.len() < roots.len() {
-            self.left = IdVec::filled(0.0, roots.len());
+        if self.left.len() < mesh.positions.len() {
+            self.left = IdVec::filled(0.0, mesh.positions.len());
         }
-        self.near.iter().for_each(|&taxel| self.left[taxel] = roots[taxel]);
+        self.near.iter().for_each(|&taxel| self.left[taxel] = root(taxel));
         let all = self.squares();
         self.chosen.clear();
         while self.chosen.len() < MOST && self.squares() > LEFT * all {
@@ -264,7 +264,7 @@ mod tests {
             let mut roots = mesh.positions.map(|_| 0.0);
             region.iter().for_each(|&v| roots[v] = 1.0);
             let mut labels = Vec::new();
-            (ridges.fit(&mesh, &normals, &places, &roots, &region, &mut labels), labels)
+            (ridges.fit(&mesh, &normals, &places, &|v| roots[v], &region, &mut labels), labels)
         };
         let mut kept = Ridges::new(places.end());
         for first in (0..mesh.positions.len() - 3).step_by(5) {

@@ -236,7 +236,7 @@ class Map(_Made):
     def fields(self, level: int) -> tuple[_I32, _I32, _I64]: ...
     def pooling(self, level: int, *, patch: str | None = None) -> Matrix: ...
     def pool(
-        self, values: ArrayLike, level: int, *, extensive: bool = False, contrast: bool = False, threads: int = 0
+        self, values: ArrayLike, level: int | str, *, extensive: bool = False, contrast: bool = False, threads: int = 0
     ) -> _F32: ...
     def index(self, *, reactive: bool = False, fields: bool = False, threads: int = 0) -> Index: ...
     def renderer(
@@ -336,6 +336,7 @@ def build(
     cut: Literal["auto", "none", "all"] | _Pairs | None = None,
     max_area_ratio: float | None = None,
     seam_side: ArrayLike | None = None,
+    across: float | None = None,
     pixel: float | None = None,
     keep_going: bool = False,
     acuity: ArrayLike | None = None,

@@ -1,0 +1,118 @@
+//! Distances along the body: its coarsest fields, joined along their meshes, gap links, and links that only levels have.
+
+use crate::body::BodyTaxel;
+use crate::body::rest::{Rest, are_joined};
+use crate::bvh::{Aabb, BoxTree};
+use crate::id::IdVec;
+use crate::mesh::edges;
+use crate::numeric::{Csr, DisjointSets};
+use crate::pyramid::Level;
+use crate::skin::{PatchId, Skin};
+
+/// The fields of the coarsest levels of all patches, numbered patch after patch.
+pub(super) struct Graph {
+    /// Their neighbours, and the lengths of the ways to them, in m.
+    pub(super) ways: Csr<(u32, f64)>,
+    /// Their taxels.
+    pub(super) origins: Vec<BodyTaxel>,
+}
+
+impl Graph {
+    pub(super) fn new(
+        skin: &Skin,
+        rest: &Rest,
+        links: &[[BodyTaxel; 2]],
+        coarsest: &IdVec<PatchId, &Level>,
+    ) -> Self {
+        let (mut starts, mut origins) = (IdVec::<PatchId, usize>::default(), Vec::new());
+        for (patch, level) in coarsest.enumerate() {
+            starts.push(origins.len());
+            origins.extend(level.origins.iter().map(|&taxel| BodyTaxel { patch, taxel }));
+        }
+        let place = |field: usize| rest.positions[rest.number(origins[field])];
+        let mut all: Vec<(usize, usize, f64)> = Vec::new();
+        for (patch, level) in coarsest.enumerate() {
+            let fields = edges(&level.mesh).into_iter().map(|ends| ends.map(|v| starts[patch] + v.index()));
+            all.extend(fields.map(|[a, b]| (a, b, place(a).distance(place(b)))));
+        }
+        // The field that a taxel has most weight in.
+        let field_of = |at: BodyTaxel| {
+            let rows = coarsest[at.patch].to_finest.as_ref();
+            let largest =
+                rows.and_then(|rows| rows.row(at.taxel).reduce(|a, b| if b.1 > a.1 { b } else { a }));
+            starts[at.patch] + largest.map_or(at.taxel, |(field, _)| field).index()
+        };
+        let mut join = |ends: [BodyTaxel; 2]| {
+            let [a, b] = ends.map(field_of);
+            let [from, to] = ends.map(|end| rest.positions[rest.number(end)]);
+            all.push((a, b, place(a).distance(from) + from.distance(to) + to.distance(place(b))));
+        };
+        links.iter().copied().for_each(&mut join);
+        nearest_links(skin, rest, links).into_iter().for_each(&mut join);
+        let both = |&(a, b, length): &(usize, usize, f64)| {
+            let number = |k: usize| u32::try_from(k).unwrap_or(u32::MAX);
+            [(a, (number(b), length)), (b, (number(a), length))]
+        };
+        Self { ways: Csr::from_pairs(origins.len(), all.iter().flat_map(both)), origins }
+    }
+}
+
+/// Links between the nearest taxels of patches that are apart: first of patches that may be joined, then of any, until
+/// all are one.
+fn nearest_links(skin: &Skin, rest: &Rest, links: &[[BodyTaxel; 2]]) -> Vec<[BodyTaxel; 2]> {
+    let are_joined = are_joined(skin);
+    let mut sets = DisjointSets::<PatchId>::new(skin.patches.len());
+    links.iter().for_each(|[a, b]| {
+        sets.join(a.patch, b.patch);
+    });
+    let boxes: Vec<Aabb> = rest.positions.iter().map(|&x| Aabb::around([x])).collect();
+    // Positions of a skin are finite.
+    let Ok(tree) = BoxTree::new(&boxes) else { return Vec::new() };
+    let mut added = Vec::new();
+    for is_strict in [true, false] {
+        loop {
+            let labels = sets.labels();
+            if labels.count < 2 {
+                return added;
+            }
+            let may_join =
+                |a: PatchId, b: PatchId| labels.of[a] != labels.of[b] && (!is_strict || are_joined(a, b));
+            // Of each set its nearest pair.
+            let mut best: Vec<(f64, [BodyTaxel; 2])> =
+                vec![(f64::INFINITY, [BodyTaxel::default(); 2]); labels.count];
+            for (id, patch) in skin.patches.enumerate() {
+                if !skin.patches.ids().any(|other| may_join(id, other)) {
+                    continue;
+                }
+                let best = &mut best[labels.of[id]];
+                for taxel in patch.mesh.positions.ids() {
+                    let own = BodyTaxel { patch: id, taxel };
+                    let at = rest.positions[rest.number(own)];
+                    tree.each_near(at, best.0, |k| {
+                        let other = rest.taxels[k];
+                        if may_join(id, other.patch) {
+                            let pair = (at.distance(rest.positions[k]), [own.min(other), own.max(other)]);
+                            if (pair.0, pair.1) < *best {
+                                *best = pair;
+                            }
+                        }
+                        best.0
+                    });
+                }
+            }
+            let before = added.len();
+            best.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            for (_, ends) in best.into_iter().filter(|(distance, _)| distance.is_finite()) {
+                let [a, b] = ends.map(|end| end.patch);
+                if sets.root(a) != sets.root(b) {
+                    sets.join(a, b);
+                    added.push(ends);
+                }
+            }
+            if added.len() == before {
+                break;
+            }
+        }
+    }
+    added
+}

@@ -1,0 +1,250 @@
+//! The levels of the whole body: centres by distances along it, and rows that keep places.
+
+use std::array::from_fn;
+
+use glam::DVec3;
+
+use crate::body::graph::Graph;
+use crate::body::rest::Rest;
+use crate::body::{BodyLevel, BodyTaxel};
+use crate::id::{IdVec, VertexId};
+use crate::mesh::boundary_edges;
+use crate::numeric::{each_by_distance, hash, place_hash, solve_system};
+use crate::pyramid::{Level, LevelId, Prolongation};
+use crate::skin::{PatchId, Skin};
+
+/// Two fields conflict within this many mean spacings, as on the levels of a patch.
+const SEPARATION: f64 = 1.35;
+
+/// By how much the separation grows until a level has less than two thirds of the fields of the one before.
+const GROWTH: f64 = 1.15;
+const LEAST_RATIO: f64 = 1.5;
+
+/// The spacing of a field is its mean distance from this many others.
+const NEIGHBOURS: usize = 4;
+
+/// A level with fewer fields than this takes the most central ones first: a rim or an id says little of so few.
+const FEW: usize = 12;
+
+/// A field is a combination of some of this many nearest centres.
+const NEAREST: usize = 5;
+
+/// Weights of the sum, which is 1, and of distances in the fit of a row, over that of places: the sum is nearly exact, and of
+/// combinations that keep a place as well the nearer centres have more weight. Both are those of the measurement in the module.
+const SUM_WEIGHT: f64 = 10.0;
+const DAMPING: f64 = 0.05;
+
+/// The levels of the whole body above the coarsest levels of its patches, to one field; none of one patch. `links` are its
+/// [gap links](crate::body::gap_links).
+///
+/// # Panics
+/// If there is not one level for each patch, or one is not of this skin.
+pub fn body_levels(
+    skin: &Skin,
+    links: &[[BodyTaxel; 2]],
+    coarsest: &IdVec<PatchId, &Level>,
+) -> IdVec<LevelId, BodyLevel> {
+    let mut levels = IdVec::default();
+    if skin.patches.len() < 2 {
+        return levels;
+    }
+    let rest = Rest::new(skin);
+    let graph = Graph::new(skin, &rest, links, coarsest);
+    let places: Vec<DVec3> = graph.origins.iter().map(|&at| rest.positions[rest.number(at)]).collect();
+    let priorities = priorities(skin, coarsest, &graph);
+    let mut scratch = Scratch::new(graph.origins.len());
+    // Numbers of fields in the graph.
+    let mut fields: Vec<usize> = (0..graph.origins.len()).collect();
+    while fields.len() > 1 {
+        let centres = choose(&graph, &fields, &priorities, &mut scratch);
+        let rows = rows(&graph, &fields, &centres, &places, &mut scratch);
+        let origins = centres.iter().map(|&field| graph.origins[field]).collect();
+        levels.push(BodyLevel { origins, rows });
+        fields = centres;
+    }
+    levels
+}
+
+/// Distances from a field; infinite but for those that were reached.
+struct Scratch {
+    distances: Vec<f64>,
+    reached: Vec<u32>,
+    /// The place of a field among those that are looked for.
+    place: Vec<Option<usize>>,
+}
+
+impl Scratch {
+    fn new(fields: usize) -> Self {
+        Self { distances: vec![f64::INFINITY; fields], reached: Vec::new(), place: vec![None; fields] }
+    }
+
+    /// Looks for these fields from now on.
+    fn seek(&mut self, fields: &[usize]) {
+        self.place.fill(None);
+        fields.iter().enumerate().for_each(|(k, &field)| self.place[field] = Some(k));
+    }
+
+    /// Visits the fields that are looked for by their distance, until `visit` is false.
+    fn visit(&mut self, graph: &Graph, from: usize, mut visit: impl FnMut(usize, f64) -> bool) {
+        let place = &self.place;
+        each_by_distance(&graph.ways, from, &mut self.distances, &mut self.reached, |field, distance| {
+            place[field as usize].is_none_or(|k| visit(k, distance))
+        });
+    }
+}
+
+/// For each field of the graph a key: rims first, then live taxels, then any order that depends on no axis.
+fn priorities(skin: &Skin, coarsest: &IdVec<PatchId, &Level>, graph: &Graph) -> Vec<(bool, bool, u64)> {
+    let mut is_inside = Vec::with_capacity(graph.origins.len());
+    for level in coarsest {
+        let start = is_inside.len();
+        is_inside.resize(start + level.origins.len(), true);
+        boundary_edges(&level.mesh).iter().flatten().for_each(|v| is_inside[start + v.index()] = false);
+    }
+    let key = |(field, at): (usize, &BodyTaxel)| {
+        let patch = &skin.patches[at.patch];
+        let is_silent = !patch.taxels.presence[at.taxel].reads_pressure();
+        let any = match patch.taxels.are_counted {
+            true => place_hash(patch.mesh.positions[at.taxel]),
+            false => hash(u64::from(patch.taxels.ids[at.taxel].0)),
+        };
+        (is_inside[field], is_silent, any)
+    };
+    graph.origins.iter().enumerate().map(key).collect()
+}
+
+/// The centres among some fields, ascending: in the order of priority those that are in no conflict.
+fn choose(
+    graph: &Graph,
+    fields: &[usize],
+    priorities: &[(bool, bool, u64)],
+    scratch: &mut Scratch,
+) -> Vec<usize> {
+    scratch.seek(fields);
+    let (mut spacing, mut sums) = (Vec::new(), Vec::new());
+    let is_few = fields.len() < FEW;
+    for &field in fields {
+        let (mut sum, mut nearest, mut count) = (0.0, 0.0, 0_usize);
+        scratch.visit(graph, field, |_, distance| {
+            // The first is the field itself.
+            sum += distance;
+            if count <= NEIGHBOURS {
+                nearest = sum / count.max(1) as f64;
+            }
+            count += 1;
+            is_few || count <= NEIGHBOURS
+        });
+        spacing.push(nearest);
+        sums.push(if is_few { sum } else { 0.0 });
+    }
+    let mut order: Vec<usize> = (0..fields.len()).collect();
+    let key = |k: usize| (priorities[fields[k]], fields[k]);
+    order.sort_by(|&a, &b| sums[a].total_cmp(&sums[b]).then(key(a).cmp(&key(b))));
+    let widest = spacing.iter().copied().fold(0.0, f64::max);
+    let mut separation = SEPARATION;
+    loop {
+        let mut is_ruled_out = vec![false; fields.len()];
+        let mut centres = Vec::new();
+        for &k in &order {
+            if std::mem::replace(&mut is_ruled_out[k], true) {
+                continue;
+            }
+            centres.push(fields[k]);
+            scratch.visit(graph, fields[k], |other, distance| {
+                // Equality counts: fields at one place have no spacing.
+                is_ruled_out[other] |= distance <= 0.5 * separation * (spacing[k] + spacing[other]);
+                distance <= 0.5 * separation * (spacing[k] + widest)
+            });
+        }
+        if centres.len() == 1 || LEAST_RATIO * centres.len() as f64 <= fields.len() as f64 {
+            centres.sort_unstable();
+            return centres;
+        }
+        separation *= GROWTH;
+    }
+}
+
+/// Each of the fields in terms of centres.
+fn rows(
+    graph: &Graph,
+    fields: &[usize],
+    centres: &[usize],
+    places: &[DVec3],
+    scratch: &mut Scratch,
+) -> Prolongation {
+    scratch.seek(centres);
+    let (mut indices, mut weights) = (IdVec::default(), IdVec::default());
+    for &field in fields {
+        let mut near: Vec<(usize, f64)> = Vec::with_capacity(NEAREST);
+        scratch.visit(graph, field, |centre, distance| {
+            near.push((centre, distance));
+            near.len() < NEAREST
+        });
+        let [a, b, c] = row(places[field], &near, |centre| places[centres[centre]]);
+        indices.push([a, b, c].map(|(centre, _)| VertexId::new(centre)));
+        weights.push([a, b, c].map(|(_, weight)| weight));
+    }
+    Prolongation { indices, weights, coarse_len: centres.len() }
+}
+
+/// Up to three of some centres with their distances, and weights that sum to one: of all choices the one that keeps the
+/// place best. Unused slots have the first centre and the weight 0.
+fn row(at: DVec3, near: &[(usize, f64)], place: impl Fn(usize) -> DVec3) -> [(usize, f64); 3] {
+    let scale = near.iter().map(|(_, distance)| *distance).fold(1e-9, f64::max);
+    let nearest = near.first().map_or(0, |(centre, _)| *centre);
+    let mut best = (f64::INFINITY, [(nearest, 1.0), (nearest, 0.0), (nearest, 0.0)]);
+    // Of a centre at the very place there is nothing to fit.
+    if near.first().is_none_or(|(_, distance)| *distance == 0.0) {
+        return best.1;
+    }
+    let count = near.len();
+    let choices = (1_u32..1 << count).filter(|choice| choice.count_ones() <= 3);
+    for choice in choices {
+        let mut chosen = [None; 3];
+        let of_choice =
+            near.iter().enumerate().filter(|(k, _)| choice >> k & 1 == 1).map(|(_, centre)| *centre);
+        chosen.iter_mut().zip(of_choice).for_each(|(slot, centre)| *slot = Some(centre));
+        // Normal equations; an unused slot has the weight 0.
+        let column = |slot: Option<(usize, f64)>| {
+            slot.map(|(centre, distance)| ((place(centre) - at) / scale, distance))
+        };
+        let columns = chosen.map(column);
+        let entry = |i: usize, j: usize| match (columns[i], columns.get(j).copied().flatten()) {
+            // The right side.
+            (Some(_), None) if j == columns.len() => SUM_WEIGHT * SUM_WEIGHT,
+            (Some((p, distance)), Some((q, _))) => {
+                let damping = if i == j { (DAMPING * distance / scale).powi(2) } else { 0.0 };
+                p.dot(q) + SUM_WEIGHT * SUM_WEIGHT + damping
+            }
+            _ => f64::from(u8::from(i == j)),
+        };
+        let system: [[f64; 4]; 3] = from_fn(|i| from_fn(|j| entry(i, j)));
+        let Some(weights) = solve_system(system).filter(|weights| weights.iter().all(|w| *w >= 0.0)) else {
+            continue;
+        };
+        let used = || columns.iter().zip(weights).filter_map(|(column, w)| Some(((*column)?, w)));
+        let miss = used().map(|((p, _), w)| w * p).sum::<DVec3>().length_squared();
+        let sum: f64 = weights.iter().sum();
+        let damping: f64 = used().map(|((_, distance), w)| (DAMPING * distance / scale * w).powi(2)).sum();
+        let squares = miss + (SUM_WEIGHT * (sum - 1.0)).powi(2) + damping;
+        if squares < best.0 {
+            let slot = |k: usize| chosen[k].map_or((nearest, 0.0), |(centre, _)| (centre, weights[k] / sum));
+            best = (squares, [slot(0), slot(1), slot(2)]);
+        }
+    }
+    best.1
+}
+
+/// Checks that the rows of a level fit the level before, and that its centres are taxels for which `exists`.
+pub(crate) fn is_valid(level: &BodyLevel, before: usize, exists: impl Fn(&BodyTaxel) -> bool) -> bool {
+    let BodyLevel { origins, rows } = level;
+    rows.indices.len() == before
+        && rows.coarse_len == origins.len()
+        && rows.validate().is_ok()
+        && origins.iter().all(exists)
+}
+
+/// Whether each level is coarser than the one before.
+pub(crate) fn shrinks(origins: &IdVec<VertexId, BodyTaxel>, before: usize) -> bool {
+    !origins.is_empty() && origins.len() < before
+}

@@ -1,0 +1,92 @@
+//! All taxels of a skin in the world, as the links are at rest.
+
+use glam::DVec3;
+
+use crate::body::BodyTaxel;
+use crate::mesh::neighbours;
+use crate::numeric::Csr;
+use crate::skin::{LinkId, PatchId, Skin, world_pose};
+
+/// The taxels, numbered patch after patch.
+pub(super) struct Rest {
+    starts: Vec<usize>,
+    pub(super) taxels: Vec<BodyTaxel>,
+    pub(super) positions: Vec<DVec3>,
+    pub(super) normals: Vec<DVec3>,
+    /// The taxels next to each one.
+    pub(super) neighbours: Csr<u32>,
+    /// Mean length of the edges of each taxel, in m; of one without edges that over all.
+    pub(super) spacing: Vec<f64>,
+}
+
+impl Rest {
+    pub(super) fn new(skin: &Skin) -> Self {
+        let (mut starts, mut taxels) = (Vec::new(), Vec::new());
+        let (mut positions, mut normals) = (Vec::new(), Vec::new());
+        for (id, patch) in skin.patches.enumerate() {
+            let pose = world_pose(&skin.links, patch.link);
+            starts.push(taxels.len());
+            taxels.extend(patch.mesh.positions.ids().map(|taxel| BodyTaxel { patch: id, taxel }));
+            positions.extend(patch.mesh.positions.iter().map(|&x| pose.transform_point3(x)));
+            normals.extend(patch.taxels.normals.iter().map(|&n| pose.transform_vector3(n)));
+        }
+        let neighbours = neighbours(skin.patches.iter().map(|patch| &patch.mesh));
+        let length = |a: usize, &b: &u32| positions[a].distance(positions[b as usize]);
+        let all: f64 =
+            neighbours.iter().enumerate().flat_map(|(a, near)| near.iter().map(move |b| length(a, b))).sum();
+        let mean = all / neighbours.items().len().max(1) as f64;
+        let of_taxel = |(a, near): (usize, &[u32])| match near.len() {
+            0 => mean,
+            count => near.iter().map(|b| length(a, b)).sum::<f64>() / count as f64,
+        };
+        let spacing = neighbours.iter().enumerate().map(of_taxel).collect();
+        Self { starts, taxels, positions, normals, neighbours, spacing }
+    }
+
+    pub(super) fn number(&self, at: BodyTaxel) -> usize {
+        self.starts[at.patch.index()] + at.taxel.index()
+    }
+
+    /// The number of the first taxel of a patch.
+    pub(super) fn start(&self, patch: PatchId) -> usize {
+        self.starts[patch.index()]
+    }
+
+    /// Whether no taxel but these two, with a normal like theirs, lies in the ball over the segment between them; `near`
+    /// lists the taxels in a ball.
+    pub(super) fn is_alone(&self, [a, b]: [usize; 2], near: impl FnOnce(DVec3, f64) -> Vec<u32>) -> bool {
+        /// Of the radius: those on the ball do not count, as in a lattice.
+        const INSIDE: f64 = 0.999;
+        let middle = 0.5 * (self.positions[a] + self.positions[b]);
+        let radius = INSIDE * 0.5 * self.positions[a].distance(self.positions[b]);
+        let normal = self.normals[a] + self.normals[b];
+        let is_between = |&k: &u32| {
+            let k = k as usize;
+            k != a
+                && k != b
+                && self.positions[k].distance(middle) <= radius
+                && self.normals[k].dot(normal) > 0.0
+        };
+        // Mostly it is a neighbour of one of them.
+        let next = self.neighbours[a].iter().chain(&self.neighbours[b]);
+        !next.into_iter().any(is_between) && !near(middle, radius).iter().any(is_between)
+    }
+}
+
+/// Which patches may be joined: those of one link, and of links that a joint joins, or a chain of links without skin.
+pub(super) fn are_joined(skin: &Skin) -> impl Fn(PatchId, PatchId) -> bool + Sync + use<> {
+    let has_skin = |link: LinkId| skin.patches.iter().any(|patch| patch.link == link);
+    let above = |link: LinkId| {
+        let mut at = skin.links[link].parent;
+        while let Some(parent) = at.filter(|at| !has_skin(*at)) {
+            at = skin.links[parent].parent;
+        }
+        at
+    };
+    let links: Vec<(LinkId, Option<LinkId>)> =
+        skin.patches.iter().map(|patch| (patch.link, above(patch.link))).collect();
+    move |a, b| {
+        let [(a, above_a), (b, above_b)] = [a, b].map(|patch| links[patch.index()]);
+        a == b || above_a == Some(b) || above_b == Some(a) || (above_a.is_none() && above_b.is_none())
+    }
+}

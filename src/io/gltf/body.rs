@@ -1,0 +1,107 @@
+//! What joins the patches of a map: `extras.dermatome.body` of the document.
+
+use gltf::json::extras::Extras;
+use serde::{Deserialize, Serialize};
+
+use crate::body::{Body, BodyLevel, BodyTaxel};
+use crate::id::{IdVec, VertexId};
+use crate::io::error::Result;
+use crate::io::gltf::document::Document;
+use crate::io::gltf::rows::{add_rows, read_rows};
+use crate::io::gltf::writer::SceneWriter;
+use crate::io::gltf::{RowsExtras, content};
+use crate::map::SkinMap;
+use crate::numeric::narrow;
+use crate::pyramid::Prolongation;
+use crate::skin::PatchId;
+
+/// `extras.dermatome` of the document.
+#[derive(Debug, Serialize, Deserialize)]
+struct DocumentExtras {
+    body: BodyExtras,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+struct BodyExtras {
+    /// Accessor of the gap links: patch, vertex, patch, vertex.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    links: Option<usize>,
+    /// The levels of the whole body, finest first.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    levels: Vec<BodyLevelExtras>,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+struct BodyLevelExtras {
+    /// Accessor of the taxels at the centres of fields: patch, vertex.
+    origins: usize,
+    /// Accessor of the areas of fields, in m^2, for other programs.
+    area: usize,
+    /// The fields of the level before in terms of these.
+    up: RowsExtras,
+}
+
+/// Writes a body; nothing of an empty one.
+pub(super) fn write_body(writer: &mut SceneWriter<'_>, map: &SkinMap) -> Result<()> {
+    let body = &map.body;
+    if *body == Body::default() {
+        return Ok(());
+    }
+    let row = |[a, b]: &[BodyTaxel; 2]| [a.patch.raw(), a.taxel.raw(), b.patch.raw(), b.taxel.raw()];
+    let links = (!body.links.is_empty()).then(|| writer.array(None, body.links.iter().map(row)).value());
+    let areas = |of_patches: &IdVec<PatchId, Prolongation>| {
+        let mut sums = vec![0.0; of_patches.iter().next().map_or(0, |rows| rows.coarse_len)];
+        for (rows, patch) in of_patches.iter().zip(&map.patches) {
+            let areas = rows.restrict(&patch.taxels.areas);
+            sums.iter_mut().zip(&areas).for_each(|(sum, area)| *sum += area);
+        }
+        sums
+    };
+    let mut levels = Vec::new();
+    for (level, rows) in body.levels.iter().zip(&map.body_rows().0) {
+        let origins = level.origins.iter().map(|at| [at.patch.raw(), at.taxel.raw()]);
+        levels.push(BodyLevelExtras {
+            origins: writer.array(None, origins).value(),
+            area: writer.array(None, areas(rows).iter().map(|&area| [narrow(area)])).value(),
+            up: add_rows(writer, &level.rows),
+        });
+    }
+    writer.root.extras = writer.extras(&DocumentExtras { body: BodyExtras { links, levels } })?;
+    Ok(())
+}
+
+/// Reads the body of a map; an empty one from a file that has none, as older ones.
+pub(super) fn read_body(document: &Document) -> Result<Body> {
+    let Some(extras) = of_body(&document.root().extras) else { return Ok(Body::default()) };
+    const ELEMENT: &str = "extras.dermatome.body";
+    let extras = BodyExtras::deserialize(extras).map_err(|e| {
+        document.invalid(
+            ELEMENT,
+            e.to_string(),
+            "links and levels with origins, area and up, as numbers of accessors",
+        )
+    })?;
+    let mut body = Body::default();
+    if let Some(links) = extras.links {
+        let rows = document.accessor(links, "extras.dermatome.body links")?.integers::<4>()?;
+        let taxel =
+            |patch: u32, taxel: u32| BodyTaxel { patch: PatchId::from(patch), taxel: VertexId::from(taxel) };
+        body.links = rows.into_iter().map(|[p, v, q, w]| [taxel(p, v), taxel(q, w)]).collect();
+    }
+    for (number, level) in extras.levels.into_iter().enumerate() {
+        let name = |what| format!("extras.dermatome.body level {number} {what}");
+        let origins = document.accessor(level.origins, &name("origins"))?.integers::<2>()?;
+        let taxel = |[patch, taxel]: [u32; 2]| BodyTaxel {
+            patch: PatchId::from(patch),
+            taxel: VertexId::from(taxel),
+        };
+        let origins: IdVec<VertexId, BodyTaxel> = origins.into_iter().map(taxel).collect();
+        let rows = read_rows(document, &name("up"), level.up, origins.len())?;
+        body.levels.push(BodyLevel { origins, rows });
+    }
+    Ok(body)
+}
+
+fn of_body(extras: &Extras) -> Option<serde_json::Value> {
+    content(extras)?.get_mut("body").map(serde_json::Value::take)
+}

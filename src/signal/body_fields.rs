@@ -1,0 +1,113 @@
+//! Transfers frames from the taxels of all patches to the fields of the whole body, by the law of receptive fields
+//! (`restrict`).
+
+use crate::body::BodyRows;
+use crate::id::{IdVec, VertexId};
+use crate::map::SkinMap;
+use crate::numeric::{Csr, storable};
+use crate::pyramid::LevelId;
+use crate::signal::{Frame, Quantity};
+use crate::skin::PatchId;
+
+/// Carries readings to body levels; owns its buffers.
+#[derive(Debug, Clone)]
+pub struct BodyFields {
+    /// The taxels of each field, numbered patch after patch, and their weights.
+    levels: IdVec<LevelId, Csr<(u32, f64)>>,
+    /// The first taxel of each patch, and areas of all, in m^2.
+    starts: IdVec<PatchId, usize>,
+    areas: Vec<f64>,
+    /// `a m p` or `m f` of the taxels, `a m`, and whether each is measured.
+    amounts: Vec<f64>,
+    served: Vec<f64>,
+    is_measured: Vec<bool>,
+}
+
+impl BodyFields {
+    /// For the body levels of a map.
+    pub fn new(map: &SkinMap) -> Self {
+        let BodyRows(rows) = map.body_rows();
+        let (mut starts, mut areas) = (IdVec::default(), Vec::new());
+        for patch in &map.patches {
+            starts.push(areas.len());
+            areas.extend_from_slice(patch.taxels.areas.as_slice());
+        }
+        let members = |of_patches: &IdVec<PatchId, crate::pyramid::Prolongation>| {
+            let count = of_patches.iter().next().map_or(0, |rows| rows.coarse_len);
+            let entries = of_patches.enumerate().flat_map(|(patch, rows)| {
+                let start = starts[patch];
+                rows.indices.ids().flat_map(move |taxel| {
+                    let number = u32::try_from(start + taxel.index()).unwrap_or(u32::MAX);
+                    rows.row(taxel).map(move |(field, weight)| (field.index(), (number, weight)))
+                })
+            });
+            Csr::from_pairs(count, entries)
+        };
+        let levels = rows.iter().map(members).collect();
+        let taxels = areas.len();
+        Self {
+            levels,
+            starts,
+            areas,
+            amounts: vec![0.0; taxels],
+            served: vec![0.0; taxels],
+            is_measured: vec![false; taxels],
+        }
+    }
+
+    /// The number of fields of each level.
+    pub fn sizes(&self) -> IdVec<LevelId, usize> {
+        self.levels.iter().map(Csr::len).collect()
+    }
+
+    /// Takes a channel of a frame. Readings that are not finite, or beyond what 32-bit floats hold, count as missing.
+    ///
+    /// # Panics
+    /// If the frame does not have the patches, the channel and the taxels of the map.
+    pub fn take(&mut self, frame: &Frame, channel: usize, quantity: Quantity) {
+        for (patch, channels) in frame.values.enumerate() {
+            let start = self.starts[patch];
+            for (taxel, &x) in channels[channel].enumerate() {
+                let k = start + taxel.index();
+                let is_live = x.abs() <= f64::from(f32::MAX);
+                self.is_measured[k] = is_live;
+                self.served[k] = if is_live { self.areas[k] } else { 0.0 };
+                self.amounts[k] = match quantity {
+                    _ if !is_live => 0.0,
+                    Quantity::Intensive => self.areas[k] * x,
+                    Quantity::Extensive => x,
+                };
+            }
+            let filled =
+                frame.filled.get(patch).and_then(|of| of.get(channel)).map_or(&[][..], Vec::as_slice);
+            filled.iter().for_each(|taxel| self.is_measured[start + taxel.index()] = false);
+        }
+    }
+
+    /// The value of a field from what was taken last: the sum of an amount, the mean of an average weighted by area; NaN
+    /// where no taxel has a reading.
+    ///
+    /// # Panics
+    /// If there is no such field.
+    pub fn value(&self, level: LevelId, field: VertexId, quantity: Quantity) -> f64 {
+        let (mut amount, mut area) = (0.0, 0.0);
+        for &(taxel, weight) in &self.levels[level][field.index()] {
+            amount += weight * self.amounts[taxel as usize];
+            area += weight * self.served[taxel as usize];
+        }
+        storable(match quantity {
+            Quantity::Intensive => amount / area,
+            Quantity::Extensive if area > 0.0 => amount,
+            Quantity::Extensive => f64::NAN,
+        })
+    }
+
+    /// Whether a reading of a field was measured, not [filled](Frame::filled).
+    ///
+    /// # Panics
+    /// If there is no such field.
+    pub fn is_measured(&self, level: LevelId, field: VertexId) -> bool {
+        let is_measured = |&(taxel, weight): &(u32, f64)| weight > 0.0 && self.is_measured[taxel as usize];
+        self.levels[level][field.index()].iter().any(is_measured)
+    }
+}
