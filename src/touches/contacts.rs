@@ -15,6 +15,7 @@ use crate::touches::fit::{Estimate, Noise, Residual};
 use crate::touches::gather::{Sample, Samples};
 use crate::touches::log::TouchLog;
 use crate::touches::options::{ARM_NOISE, TAXEL_RADIUS, TouchesOptions};
+use crate::touches::spikes::LeftOutReading;
 
 /// What one touch says about one taxel.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -86,6 +87,8 @@ pub struct TouchesSummary {
     pub fitted: usize,
     /// Readings that were left out since no neighbour of their taxel was active.
     pub lone: usize,
+    /// Readings that were left out since their taxel does not give them, by row and taxel.
+    pub spikes: Vec<LeftOutReading>,
     /// Standard deviation of the position of the arm, per axis, in m, as estimated or given.
     pub arm_noise: f64,
     /// Standard deviation of readings, in their unit, if they were fitted.
@@ -167,6 +170,7 @@ impl Rows<'_> {
             taxels: samples.of.iter().filter(|of| !of.is_empty()).count(),
             fitted,
             lone: estimates.lone,
+            spikes: estimates.spikes.clone(),
             arm_noise: self.arm_noise(),
             reading_noise: (fitted > 0).then_some(estimates.noise.reading),
             spacing: estimates.spacing,
@@ -287,8 +291,9 @@ impl Rows<'_> {
         let Estimates { depth, contact, spacing, .. } = *self.estimates;
         let (mut centre, mut weights, mut radius) = (DVec3::ZERO, 0.0, 0.0);
         let mut plane = DVec3::ZERO;
+        let largest = group.samples.iter().map(|sample| sample.reading).fold(0.0, f64::max);
         for sample in group.samples {
-            let weight = if self.log.has_readings { sample.reading * sample.reading } else { 1.0 };
+            let weight = if self.log.has_readings { (sample.reading / largest).powi(2) } else { 1.0 };
             centre += weight * sample.centre;
             radius += weight * sample.radius;
             plane += weight * sample.plane.unwrap_or(DVec3::ZERO);
