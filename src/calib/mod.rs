@@ -60,7 +60,7 @@ pub(crate) use align::{Correlation, nearest_rotation};
 pub use bodies::{
     BodyCalibration, BodyFit, BodyFollower, BodyLevel, BodyOptions, CadModule, CadSkin, CadTaxel,
     CalibratedTaxel, Folds, HeldBack, LevelScore, Misassembled, Misassembly, ModuleId, ModuleNames,
-    ModulePose, MotionTest, NamedTaxel, ProbeOffset, Tolerance, TouchId, TouchNoise, TurnedModule,
+    ModulePose, MotionTest, NamedTaxel, ProbeOffset, Tolerance, TouchId, TurnedModule,
     fit_bodies, fit_bodies_with,
 };
 pub use calibration::{Calibration, GoodnessOfFit, ObservationDiagnostics};
@@ -70,7 +70,7 @@ pub use observations::information::Information;
 pub use observations::{
     ContactMeasurement, ContactObservation, ContactObservationId, Displacement, DisplacementId,
     DisplacementMeasurement, Model, ObservationId, Observations, PerObservation, PoseMeasurement,
-    TaxelVariable, TouchRow,
+    TaxelVariable, TouchRow, TouchingBody,
 };
 pub use options::{CalibOptions, Initialization, ResidualConvention};
 pub use pose::Pose;

@@ -29,9 +29,7 @@ pub(crate) use symmetric_eigen::symmetric_eigen;
 /// The standard deviation of normal numbers over the median of their sizes.
 pub(crate) const DEVIATION_OF_MEDIAN: f64 = 1.482_602;
 
-/// The median length of two normal numbers over their standard deviation (Rayleigh), and of three (Maxwell).
-pub(crate) const MEDIAN_OF_RAYLEIGH: f64 = 1.177_410;
-/// See [`MEDIAN_OF_RAYLEIGH`].
+/// The median length of three normal numbers over their standard deviation (of the distribution of Maxwell).
 pub(crate) const MEDIAN_OF_MAXWELL: f64 = 1.538_172;
 
 /// A number as files and images store it.

@@ -23,6 +23,9 @@ const SMALL_STEP: f64 = 1e-6;
 const LEAST_DAMPING: f64 = 1e-8;
 const MOST_DAMPING: f64 = 1e-2;
 
+/// Largest step of the logarithm of a gain. That of a position is the radius of a contact.
+const LARGEST_GAIN_STEP: f64 = 1.0;
+
 /// The noise of readings falls at most by this factor in a step: from afar the readings are not as linear as they are exact.
 const LEAST_FACTOR: f64 = 0.3;
 
@@ -273,9 +276,9 @@ impl<'a> Bundle<'a> {
         for (v, estimate) in self.estimates.iter_mut().enumerate() {
             let Some(at) = estimate else { continue };
             let &[x, y, z, gain] = of(VertexId::new(v)) else { continue };
-            let step = DVec3::new(x, y, z);
+            let step = DVec3::new(x, y, z).clamp_length_max(self.guess_sigma);
             at.position += step;
-            at.log_gain += gain;
+            at.log_gain += gain.clamp(-LARGEST_GAIN_STEP, LARGEST_GAIN_STEP);
             squares += step.length_squared();
             count += 1.0;
         }

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use glam::{DMat3, DQuat, DVec3};
 
 use crate::calib::{
-    ContactMeasurement, ContactObservation, Information, Observations, TaxelVariable, TouchRow,
+    ContactMeasurement, ContactObservation, Information, Observations, TaxelVariable, TouchRow, TouchingBody,
 };
 use crate::id::VertexId;
 use crate::numeric::symmetric_eigen;
@@ -15,6 +15,7 @@ use crate::touches::fit::{Estimate, Noise, Residual};
 use crate::touches::gather::{Sample, Samples};
 use crate::touches::log::TouchLog;
 use crate::touches::options::{ARM_NOISE, TAXEL_RADIUS, TouchesOptions};
+use crate::touches::spikes::LeftOutReading;
 
 /// What one touch says about one taxel.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -33,8 +34,10 @@ pub struct TouchContact {
     pub information: Information<3>,
     /// How much it counts in the mean of its touch: its share of the readings, times the number of taxels.
     pub weight: f64,
-    /// The orientation of the body in the frame of the link, if the log has it.
+    /// The orientation of the body in the frame of the link, if the log has it: the mean over the touch.
     pub body_rotation: Option<DQuat>,
+    /// The body in the frame of the link: its mean over the touch, weighted by the sum of the readings. `None` for a plane.
+    pub body: Option<TouchingBody>,
 }
 
 /// Contacts, and how they were found.
@@ -65,6 +68,7 @@ impl TouchContacts {
                 contact: contact.contact,
                 weight: contact.weight,
                 probe: contact.body_rotation,
+                body: contact.body,
             });
         }
         observations
@@ -86,6 +90,8 @@ pub struct TouchesSummary {
     pub fitted: usize,
     /// Readings that were left out since no neighbour of their taxel was active.
     pub lone: usize,
+    /// Readings that were left out since their taxel does not give them, by row and taxel.
+    pub spikes: Vec<LeftOutReading>,
     /// Standard deviation of the position of the arm, per axis, in m, as estimated or given.
     pub arm_noise: f64,
     /// Standard deviation of readings, in their unit, if they were fitted.
@@ -101,6 +107,24 @@ struct Group<'a> {
     taxel: VertexId,
     touch: usize,
     samples: &'a [Sample],
+}
+
+/// Sums over the readings of a touch.
+#[derive(Debug, Clone, Copy, Default)]
+struct TouchMean {
+    weight: f64,
+    centre: DVec3,
+    radius: f64,
+    rotation: Option<DQuat>,
+    is_plane: bool,
+}
+
+impl TouchMean {
+    fn body(&self) -> Option<TouchingBody> {
+        let is_known = !self.is_plane && self.weight > 0.0;
+        let share = self.weight.recip();
+        is_known.then(|| TouchingBody { centre: share * self.centre, radius: share * self.radius })
+    }
 }
 
 /// What all touches together say about a taxel.
@@ -135,7 +159,7 @@ pub(super) struct Rows<'a> {
 impl Rows<'_> {
     pub(super) fn collect(&self) -> TouchContacts {
         let Self { log, samples, estimates, .. } = self;
-        let mut contacts = Vec::new();
+        let (mut contacts, means) = (Vec::new(), self.means());
         let mut fitted = 0;
         for (taxel, of) in samples.of.enumerate() {
             let groups: Vec<Group<'_>> = of
@@ -149,9 +173,9 @@ impl Rows<'_> {
                 None => groups.iter().map(|group| self.mean(group)).collect(),
             };
             let rows = groups.iter().zip(found);
-            contacts.extend(
-                rows.map(|(group, (at, information))| (group.touch, self.row(group, at, information))),
-            );
+            contacts.extend(rows.map(|(group, (at, information))| {
+                (group.touch, self.row(group, at, information, &means[group.touch]))
+            }));
         }
         contacts.sort_by_key(|(touch, contact): &(usize, TouchContact)| (*touch, contact.taxel));
         let mut contacts: Vec<TouchContact> = contacts.into_iter().map(|(_, contact)| contact).collect();
@@ -167,6 +191,7 @@ impl Rows<'_> {
             taxels: samples.of.iter().filter(|of| !of.is_empty()).count(),
             fitted,
             lone: estimates.lone,
+            spikes: estimates.spikes.clone(),
             arm_noise: self.arm_noise(),
             reading_noise: (fitted > 0).then_some(estimates.noise.reading),
             spacing: estimates.spacing,
@@ -175,7 +200,27 @@ impl Rows<'_> {
         TouchContacts { contacts, summary }
     }
 
-    fn row(&self, group: &Group<'_>, position: DVec3, information: DMat3) -> TouchContact {
+    /// Where the body was in each touch.
+    fn means(&self) -> Vec<TouchMean> {
+        let mut means = vec![TouchMean::default(); self.samples.touches.len()];
+        for sample in self.samples.of.iter().flatten() {
+            let (mean, frame) = (&mut means[sample.touch], &self.log.frames[sample.frame]);
+            mean.weight += sample.reading;
+            mean.centre += sample.reading * sample.centre;
+            mean.radius += sample.reading * sample.radius;
+            mean.is_plane |= sample.plane.is_some();
+            if let Some(q) = frame.body_rotation {
+                let turned = (frame.link.rotation.conjugate() * q).normalize();
+                // Opposite quaternions are one rotation.
+                let sign = if mean.rotation.is_some_and(|sum| sum.dot(turned) < 0.0) { -1.0 } else { 1.0 };
+                let sum = mean.rotation.unwrap_or(turned * 0.0);
+                mean.rotation = Some(sum + turned * (sign * sample.reading));
+            }
+        }
+        means
+    }
+
+    fn row(&self, group: &Group<'_>, position: DVec3, information: DMat3, mean: &TouchMean) -> TouchContact {
         let frame = &self.log.frames[group.samples[0].frame];
         let columns = information.to_cols_array_2d();
         let symmetric =
@@ -189,7 +234,8 @@ impl Rows<'_> {
             position,
             information: Information(symmetric),
             weight: total,
-            body_rotation: frame.body_rotation.map(|q| (frame.link.rotation.conjugate() * q).normalize()),
+            body_rotation: mean.rotation.map(DQuat::normalize),
+            body: mean.body(),
         }
     }
 
@@ -287,8 +333,9 @@ impl Rows<'_> {
         let Estimates { depth, contact, spacing, .. } = *self.estimates;
         let (mut centre, mut weights, mut radius) = (DVec3::ZERO, 0.0, 0.0);
         let mut plane = DVec3::ZERO;
+        let largest = group.samples.iter().map(|sample| sample.reading).fold(0.0, f64::max);
         for sample in group.samples {
-            let weight = if self.log.has_readings { sample.reading * sample.reading } else { 1.0 };
+            let weight = if self.log.has_readings { (sample.reading / largest).powi(2) } else { 1.0 };
             centre += weight * sample.centre;
             radius += weight * sample.radius;
             plane += weight * sample.plane.unwrap_or(DVec3::ZERO);

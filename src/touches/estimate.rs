@@ -10,7 +10,9 @@ use crate::touches::TouchesError;
 use crate::touches::bundle::{Bundle, Place};
 use crate::touches::fit::{Estimate, GainPrior, Guess, Noise, Taxel};
 use crate::touches::gather::{Sample, Samples};
+use crate::touches::log::TouchLog;
 use crate::touches::profile::Profile;
+use crate::touches::spikes::{LeftOutReading, drop_gross, drop_unfit, usual_largest};
 use crate::touches::surface;
 
 /// Rounds in which noise and gains follow from each taxel on its own.
@@ -40,7 +42,7 @@ const FIRST_READING: f64 = 0.02;
 /// Readings are never more exact than this share of a typical one.
 const LEAST_READING: f64 = 1e-3;
 
-/// The share of the largest reading from which on a sample counts for the first guess.
+/// The share of the usual largest reading from which on a sample counts for the first guess.
 const STRONG: f64 = 0.5;
 
 /// Samples farther from the first guess than this many reaches of a contact are not of this taxel.
@@ -85,16 +87,19 @@ pub(super) struct Estimates {
     /// Whether the normals have a side.
     pub(super) has_outside: bool,
     pub(super) lone: usize,
+    /// Readings that their taxel does not give.
+    pub(super) spikes: Vec<LeftOutReading>,
 }
 
 /// Estimates everything; drops samples that are not of their taxel.
 pub(super) fn estimate(
     samples: &mut Samples,
     known: &Known,
-    has_readings: bool,
-    frames: usize,
+    log: &TouchLog,
     run: Run<'_>,
 ) -> Result<Estimates, TouchesError> {
+    let (has_readings, frames) = (log.has_readings, log.frames.len());
+    let spikes = if has_readings { drop_gross(samples, log) } else { Vec::new() };
     let mut centres = samples.of.map(|of| strong_centre(of.as_slice()));
     let spacing_of = |centres: &IdVec<VertexId, DVec3>| known.spacing.or_else(|| surface::spacing(centres));
     let mut spacing = spacing_of(&centres);
@@ -146,6 +151,7 @@ pub(super) fn estimate(
         centres,
         has_outside,
         lone,
+        spikes,
     };
     if !has_readings || all.profiles.is_empty() {
         return Ok(all);
@@ -161,7 +167,12 @@ pub(super) fn estimate(
             all.update_normals();
         }
         all.adjust(samples, frames, if round == 0 { FIRST_STEPS } else { STEPS }, run)?;
+        if round + 1 < ROUNDS {
+            let spikes = drop_unfit(samples, log, |v, sample| all.sigmas(v, sample));
+            all.spikes.extend(spikes);
+        }
     }
+    all.spikes.sort_by_key(|spike| (spike.row, spike.taxel));
     Ok(all)
 }
 
@@ -176,8 +187,8 @@ impl Estimates {
     fn start(&mut self, samples: &Samples, known: &Known) {
         let Some(profile) = self.profiles.first() else { return };
         let middle = profile.at(0.0, profile.radius - self.depth).depth;
-        let largest = |of: &Vec<Sample>| of.iter().map(|sample| sample.reading).fold(0.0, f64::max);
-        let typical = median(samples.of.iter().map(largest).filter(|&x| x > 0.0)).unwrap_or(1.0);
+        let largest = samples.of.iter().map(|of| usual_largest(of));
+        let typical = median(largest.filter(|&x| x > 0.0)).unwrap_or(1.0);
         self.noise.reading = FIRST_READING * typical;
         self.noise.least_reading = LEAST_READING * typical;
         self.gains.log_gain = libm::log(typical / middle.max(f64::MIN_POSITIVE));
@@ -195,8 +206,21 @@ impl Estimates {
     }
 
     pub(super) fn taxel<'a>(&'a self, samples: &'a Samples, v: VertexId) -> Option<Taxel<'a>> {
+        self.taxel_of(&samples.of[v], v)
+    }
+
+    fn taxel_of<'a>(&'a self, samples: &'a [Sample], v: VertexId) -> Option<Taxel<'a>> {
         let guess = Guess { position: self.guess(v), sigma: self.contact };
-        Some(Taxel { normal: self.normals[v]?, guess, samples: &samples.of[v], profiles: &self.profiles })
+        Some(Taxel { normal: self.normals[v]?, guess, samples, profiles: &self.profiles })
+    }
+
+    /// How far a reading is from the profile of its taxel where the frame was adjusted to be, in standard deviations.
+    fn sigmas(&self, v: VertexId, sample: &Sample) -> Option<f64> {
+        let place = self.places.get(sample.frame).copied().flatten()?;
+        let here = Sample { centre: place.centre, ..*sample };
+        let residual = self.taxel_of(&[], v)?.residual(&here, self.fits[v].as_ref()?)?;
+        let noise = Noise { arm: 0.0, ..self.noise };
+        Some(residual.distance / residual.variance(noise).sqrt())
     }
 
     fn fit(&mut self, samples: &Samples) {
@@ -326,11 +350,11 @@ impl Moments {
 
 /// The mean of the positions of the body with the strongest readings, weighted by the square of the reading.
 fn strong_centre(samples: &[Sample]) -> DVec3 {
-    let largest = samples.iter().map(|sample| sample.reading).fold(0.0, f64::max);
+    let largest = usual_largest(samples);
     let strong = samples.iter().filter(|sample| sample.reading >= STRONG * largest);
     let (mut sum, mut weights) = (DVec3::ZERO, 0.0);
     for sample in strong {
-        let weight = (sample.reading / largest).powi(2);
+        let weight = (sample.reading / largest).min(1.0).powi(2);
         sum += weight * sample.centre;
         weights += weight;
     }

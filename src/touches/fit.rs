@@ -75,6 +75,11 @@ impl Residual {
 /// Residuals above this many standard deviations count less.
 pub(super) const HUBER: f64 = 2.5;
 
+/// A mean depth that changes by less than this for each m, or a reading that is this many radii of the sphere away, says
+/// nothing of a position. Both are far beyond what is used: they keep sums finite.
+const LEAST_SLOPE: f64 = 1e-6;
+const MOST_RADII: f64 = 1e3;
+
 /// Most steps.
 const MOST_STEPS: usize = 10;
 
@@ -105,7 +110,8 @@ impl Taxel<'_> {
         let offset = across.length();
         let depth = sample.reading / libm::exp(at.log_gain);
         let nearest = profile.nearest(offset, height, depth);
-        if nearest.slope <= 0.0 {
+        // Where the profile is flat, or the reading far beyond it, nothing follows from it.
+        if !(nearest.slope > LEAST_SLOPE && nearest.distance.abs() < MOST_RADII * profile.radius) {
             return None;
         }
         let lateral = if offset > 0.0 { across / offset } else { DVec3::ZERO };

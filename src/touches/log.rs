@@ -114,6 +114,9 @@ impl TouchLog {
     }
 }
 
+/// Readings are between this and its inverse, in any unit: beyond it their squares are not numbers.
+const LEAST_READING: f64 = 1e-100;
+
 impl TouchFrame {
     fn validate(&self) -> Result<(), TouchesError> {
         let row = self.row;
@@ -145,7 +148,9 @@ impl TouchFrame {
         if let Some(twice) = ids.windows(2).find(|pair| pair[0] == pair[1]) {
             return Err(TouchesError::TaxelTwice { row, id: twice[0] });
         }
-        match self.felt.iter().find(|(_, reading)| !(*reading > 0.0 && reading.is_finite())) {
+        // Also refuses NaN.
+        match self.felt.iter().find(|(_, reading)| !(LEAST_READING..=LEAST_READING.recip()).contains(reading))
+        {
             Some(&(id, reading)) => Err(TouchesError::BadReading { row, id, reading }),
             None => Ok(()),
         }

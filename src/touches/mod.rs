@@ -9,7 +9,8 @@
 //!
 //! ```text
 //! log -- samples of each taxel -- first guess -- fit of the profile -- normals <-> bundle -- contacts
-//!         lone ones left out      means              gains, noise
+//!         lone ones and           means              gains, noise         spikes left out
+//!         gross spikes left out
 //! ```
 //!
 //! 1. Samples (`gather`): the position `p` of the body in the frame of the link, and a reading `r`.
@@ -20,7 +21,7 @@
 //!    the skin on its disc (`profile`). Orthogonal distance regression over all samples gives `x` and `g`, so
 //!    the depth need not be known; noise of arm and readings and the spread of gains follow from all taxels.
 //! 5. The bundle adjustment (`bundle`): the true position of each frame is unknown too, and follows from all its
-//!    readings.
+//!    readings. A reading far from the profile of its taxel is a spike (`spikes`): it is left out, and named.
 //! 6. Contacts (`contacts`): each touch gets its terms of the normal equations. Sums over the touches of a taxel give back
 //!    the estimate.
 //!
@@ -43,6 +44,7 @@ mod options;
 mod profile;
 mod remarks;
 mod rows;
+mod spikes;
 mod surface;
 
 pub use arm::{ArmOptions, ArmSimulation, simulate_arm, simulate_arm_with};
@@ -52,6 +54,7 @@ pub use error::TouchesError;
 pub use log::{TouchBody, TouchFrame, TouchLog};
 pub use options::TouchesOptions;
 pub use rows::{LogOfRows, PoseAt, RowSources, TouchReadings, TouchRow, log_of_rows, pose_in_motion};
+pub use spikes::LeftOutReading;
 
 use crate::run::Run;
 use contacts::Rows;
@@ -93,7 +96,7 @@ pub fn contacts_of_touches_with(
         return Err(TouchesError::NothingFelt { frames: log.frames.len() });
     }
     let known = options.known(&samples);
-    let estimates = estimate(&mut samples, &known, log.has_readings, log.frames.len(), run)?;
+    let estimates = estimate(&mut samples, &known, log, run)?;
     run.check()?;
     if !estimates.has_outside && !estimates.profiles.is_empty() {
         let detail = "they are flat, and their link has its origin in their plane";

@@ -1,7 +1,7 @@
 //! What is said of how contacts were found.
 
-use crate::skin::sentence::count;
-use crate::touches::{LogOfRows, TouchContacts};
+use crate::skin::sentence::{count, first_few};
+use crate::touches::{LeftOutReading, LogOfRows, TouchContacts};
 
 impl LogOfRows {
     /// What was not used, a sentence each.
@@ -27,6 +27,12 @@ impl TouchContacts {
         if summary.lone > 0 {
             let readings = count(summary.lone, "reading is", "readings are");
             said.push(format!("{readings} without an active neighbour, left out"));
+        }
+        if !summary.spikes.is_empty() {
+            let readings = count(summary.spikes.len(), "reading is", "readings are");
+            let place = |spike: &LeftOutReading| format!("taxel {} in line {}", spike.taxel, spike.row);
+            let places: Vec<String> = summary.spikes.iter().map(place).collect();
+            said.push(format!("{readings} not what the taxel gives there, left out: {}", first_few(&places)));
         }
         if let Some(first) = summary.inside.first() {
             let frames = count(summary.inside.len(), "frame", "frames");

@@ -86,7 +86,7 @@ fn touches_move_a_drawn_skin() {
     for (k, (before, after)) in before.iter().zip(&after).enumerate() {
         assert!((after - before - 0.004).abs() < 5e-4, "taxel {k} went from {before} to {after}");
     }
-    assert!(column(at, "out.csv", "sigma").iter().all(|sigma| (1e-5..5e-3).contains(sigma)));
+    assert!(column(at, "out.csv", "sigma").iter().all(|sigma| (1e-5..1e-2).contains(sigma)));
     // The result is a drawing, too, and the skin is one that other commands read.
     dermatome(at, "calibrate contacts.csv --cad out.csv --fit-probe -o again.csv").assert().success();
     let info = dermatome(at, "info out.glb --json").assert().success();
@@ -309,7 +309,7 @@ fn touches_of_a_real_robot_are_predicted() {
     );
     for (axis, known) in [-0.1, -8.0, 14.2].into_iter().enumerate() {
         let offset = found["probe"]["offset_mm"][axis].as_f64().unwrap();
-        assert!((offset - known).abs() < 2.0, "axis {axis}: {offset} mm");
+        assert!((offset - known).abs() < 3.0, "axis {axis}: {offset} mm");
     }
     assert_eq!((&found["exchanged"], &found["turned"]), (&serde_json::json!([]), &serde_json::json!([])));
 }

@@ -4,8 +4,8 @@ use std::{fs, path::PathBuf};
 
 use dermatome::calib::{
     ContactMeasurement, ContactObservation, ContactObservationId, DisplacementId, DisplacementMeasurement,
-    Information, Model, Pose, PoseMeasurement, SimulateOptions, TouchRow, calibrate, calibrated_skin,
-    simulate,
+    Information, Model, Pose, PoseMeasurement, SimulateOptions, TouchRow, TouchingBody, calibrate,
+    calibrated_skin, simulate,
 };
 use dermatome::id::VertexId;
 use dermatome::io::{
@@ -57,13 +57,15 @@ fn simulated_graphs_come_back_bit_by_bit() {
 /// Touches come back with their contacts; a table has the same columns in every row.
 #[test]
 fn touches_of_contacts_go_into_a_table_and_come_back() {
-    let text = "i,x,y,z,touch,contact,weight,qx,qy,qz,qw,sigma\n5,0.1,0,0,3,9,1,0.6,0,0,0.8,0.5\n7,0.2,0,0,3,9,0.25,0,0,0,1,0.5\n";
+    let text = "i,x,y,z,touch,contact,weight,qx,qy,qz,qw,px,py,pz,radius,sigma\n\
+                5,0.1,0,0,3,9,1,0.6,0,0,0.8,1,2,3,0.01,0.5\n7,0.2,0,0,3,9,0.25,0,0,0,1,1,2,3,0.01,0.5\n";
     let (folder, path) = file("a.csv", text);
     let (mut observations, remarks) = read_observations(&path, &[]).unwrap();
     assert!(remarks.is_empty(), "{remarks:?}");
     let probe = Some(DQuat::from_xyzw(0.6, 0.0, 0.0, 0.8));
+    let body = Some(TouchingBody { centre: DVec3::new(1.0, 2.0, 3.0), radius: 0.01 });
     let rows: Vec<TouchRow> = observations.touches.iter().copied().collect();
-    assert_eq!(rows[0], TouchRow { touch: Some(3), contact: Some(9), weight: 1.0, probe });
+    assert_eq!(rows[0], TouchRow { touch: Some(3), contact: Some(9), weight: 1.0, probe, body });
     assert_eq!((rows[1].weight, rows[1].probe), (0.25, Some(DQuat::IDENTITY)));
     let copy = folder.path().join("b.csv");
     write_observations(&copy, &observations).unwrap();

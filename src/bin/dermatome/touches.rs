@@ -14,7 +14,7 @@ use dermatome::io::{
 use dermatome::signal::TaxelState;
 use dermatome::skin::{Link, LinkId, Motion, Skin, TaxelId};
 use dermatome::touches::{
-    Drawing, LogOfRows, RowSources, TouchReadings, TouchRow, TouchesError, TouchesOptions,
+    Drawing, LeftOutReading, LogOfRows, RowSources, TouchReadings, TouchRow, TouchesError, TouchesOptions,
     contacts_of_touches, log_of_rows, pose_in_motion,
 };
 use glam::DAffine3;
@@ -107,6 +107,21 @@ struct LeftOut {
     rows_without_taxel: usize,
     touches: usize,
     readings: usize,
+    spikes: Vec<Spike>,
+}
+
+/// A reading that its taxel does not give.
+#[derive(Debug, Serialize)]
+struct Spike {
+    line: usize,
+    taxel: u32,
+    reading: f64,
+}
+
+impl Spike {
+    fn new(left_out: &LeftOutReading) -> Self {
+        Self { line: left_out.row, taxel: left_out.taxel.0, reading: left_out.reading }
+    }
 }
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
@@ -145,6 +160,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
                 rows_without_taxel: made.silent,
                 touches: summary.empty_touches,
                 readings: summary.lone,
+                spikes: summary.spikes.iter().map(Spike::new).collect(),
             },
             arm_noise_mm: 1e3 * summary.arm_noise,
             reading_noise: summary.reading_noise,

@@ -78,7 +78,7 @@ pub(super) fn covariances(
 }
 
 /// How the centre and the rotation of a module change with the motions of the bodies that carry it.
-fn derivatives(hierarchy: &Hierarchy, at: &Placement, chain: [BodyId; 3]) -> [Matrix6; 3] {
+pub(super) fn derivatives(hierarchy: &Hierarchy, at: &Placement, chain: [BodyId; 3]) -> [Matrix6; 3] {
     let mut position = hierarchy.centres[chain[2]];
     let mut arms = [DVec3::ZERO; 3];
     for (arm, body) in arms.iter_mut().zip(chain).rev() {
@@ -92,7 +92,7 @@ fn derivatives(hierarchy: &Hierarchy, at: &Placement, chain: [BodyId; 3]) -> [Ma
     })
 }
 
-fn added(a: &Matrix6, b: &Matrix6) -> Matrix6 {
+pub(super) fn added(a: &Matrix6, b: &Matrix6) -> Matrix6 {
     Matrix6(std::array::from_fn(|i| std::array::from_fn(|j| a.0[i][j] + b.0[i][j])))
 }
 

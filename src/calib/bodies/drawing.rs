@@ -109,6 +109,7 @@ impl BodyCalibration {
             let names = first_few(&names);
             said.push(format!("without a touch, a module keeps its drawn pose on its patch: {names}"));
         }
+        said.extend(self.doubts());
         said
     }
 

@@ -1,13 +1,13 @@
 //! How well contacts that were held back are predicted, when the skin moves as one body, by patches or by modules:
-//! which level the touches support.
+//! which level the touches support, and whether the fit can be believed.
 
-use super::cad::CadSkin;
-use super::misassembly::Assembled;
-use super::options::{BodyLevel, BodyOptions, Folds};
-use super::solve::solve;
-use super::touches::Touches;
+use super::options::{BodyLevel, Folds};
+use super::placement::{Hierarchy, Placement};
+use super::solve::{Solved, continued};
+use super::start::down_to;
+use super::touches::{Touch, Touches};
 use crate::calib::CalibError;
-use crate::numeric::{Random, argsort, nth_smallest};
+use crate::numeric::{Random, argsort, median, nth_smallest};
 use crate::run::Run;
 
 /// How well one level predicts contacts that were held back.
@@ -30,24 +30,39 @@ pub struct LevelScore {
 pub struct HeldBack {
     /// One for each level up to that of the options.
     pub scores: Vec<LevelScore>,
-    /// The last level whose mean over contacts is lower than that of the supported level before it by more than the
-    /// standard error of the difference.
+    /// The last level whose mean over contacts is lower than that of the supported level before it by more than two
+    /// standard errors of the difference. The result is the fit down to this level.
     pub supported: BodyLevel,
+    /// Median distance of the touches from where the drawing predicts them, in m.
+    pub drawn_median: f64,
+    /// 90 % of these distances are below this, in m.
+    pub drawn_most: f64,
+    /// `1 - (d / s)^2`: `d` is the median distance of held-back touches from their prediction at the supported level, `s` that of the touches
+    /// from their middle.
+    pub explained: f64,
+    /// How much nearer the fit predicts held-back contacts than the drawing, in standard errors of the difference.
+    pub gain: f64,
 }
 
-/// Distances at one level.
+/// Standard errors by which a further level must predict better. Of 24 simulated skins the mean error after this choice is
+/// 0.71 mm; with one standard error it is 0.80, and always with modules 0.88.
+const LEVEL_ERRORS: f64 = 2.0;
+
+/// Distances count at most as so many medians when levels are compared: wrong touches do not choose.
+const MOST_MEDIANS: f64 = 3.0;
+
+/// Distances at one level, or of the drawing.
 struct Distances {
-    level: BodyLevel,
     touches: Vec<f64>,
-    /// Mean of each contact that could be predicted.
-    contacts: Vec<Option<f64>>,
+    /// Mean of each contact.
+    contacts: Vec<f64>,
 }
 
 /// Predicts each group of contacts from the others.
 pub(super) fn score(
-    options: &BodyOptions,
     folds: Folds,
-    cad: &CadSkin,
+    fitted: &Solved,
+    hierarchy: &Hierarchy,
     touches: &Touches,
     run: Run<'_>,
 ) -> Result<HeldBack, CalibError> {
@@ -61,56 +76,85 @@ pub(super) fn score(
     for (rank, contact) in argsort(&keys).into_iter().enumerate() {
         fold_of[contact] = rank % folds.count;
     }
-    let levels = BodyLevel::ALL.into_iter().filter(|level| *level <= options.level);
-    let empty = |level| Distances { level, touches: Vec::new(), contacts: vec![None; touches.contacts] };
-    let mut all: Vec<Distances> = levels.map(empty).collect();
+    let levels: Vec<BodyLevel> =
+        BodyLevel::ALL.into_iter().filter(|level| *level <= fitted.learned.level).collect();
+    let empty = || Distances { touches: Vec::new(), contacts: vec![0.0; touches.contacts] };
+    let mut all: Vec<Distances> = levels.iter().map(|_| empty()).collect();
+    let mut drawn = empty();
+    let drawing = Placement::drawn(hierarchy);
+    touches.all.iter().for_each(|touch| drawn.add(&drawing, hierarchy, touch));
     for fold in 0..folds.count {
         let kept = touches.of_contacts(|contact| fold_of[contact] != fold);
         let held_back = touches.of_contacts(|contact| fold_of[contact] == fold);
-        let assembled = Assembled::new(options, cad, &kept, run)?;
-        for distances in &mut all {
-            let fit = solve(options, distances.level, &assembled.hierarchy, &kept, run)?;
-            for touch in &held_back.all {
-                let distance = fit.placement.error(&assembled.hierarchy, touch).0.length();
-                distances.touches.push(distance);
-                *distances.contacts[touch.contact].get_or_insert(0.0) += touch.weight * distance;
-            }
+        for (distances, level) in all.iter_mut().zip(&levels) {
+            let from = down_to(hierarchy, &fitted.placement, *level);
+            let found = continued(fitted, *level, hierarchy, &kept, from, run)?;
+            held_back.all.iter().for_each(|touch| distances.add(&found, hierarchy, touch));
         }
     }
     let mut supported = 0;
+    let most = MOST_MEDIANS * all[0].median();
     for k in 1..all.len() {
-        if is_better(&all[k], &all[supported]) {
+        if all[k].gain_over(&all[supported], most) > LEVEL_ERRORS {
             supported = k;
         }
     }
-    let supported = all[supported].level;
-    Ok(HeldBack { scores: all.into_iter().map(Distances::score).collect(), supported })
+    let spread = touches.spread();
+    let best = &all[supported];
+    Ok(HeldBack {
+        supported: levels[supported],
+        drawn_median: drawn.median(),
+        drawn_most: tenths(&drawn.touches, 9),
+        explained: 1.0 - (best.median() / spread).powi(2),
+        gain: best.gain_over(&drawn, MOST_MEDIANS * drawn.median()),
+        scores: levels.into_iter().zip(&all).map(|(level, distances)| distances.score(level)).collect(),
+    })
 }
 
-/// Whether `one` predicts contacts better than `other`, by more than the standard error of the difference.
-fn is_better(one: &Distances, other: &Distances) -> bool {
-    let pairs = one.contacts.iter().zip(&other.contacts);
-    let gains: Vec<f64> = pairs.filter_map(|(a, b)| Some((*b)? - (*a)?)).collect();
-    let count = gains.len() as f64;
-    let mean = gains.iter().sum::<f64>() / count;
-    let variance = gains.iter().map(|gain| (gain - mean).powi(2)).sum::<f64>() / (count - 1.0).max(1.0);
-    mean > (variance / count).sqrt()
+impl Touches {
+    /// The median distance of the touches from their middle, in m.
+    fn spread(&self) -> f64 {
+        let along = |axis: usize| median(self.all.iter().map(|touch| touch.position[axis])).unwrap_or(0.0);
+        let middle = glam::DVec3::from_array([0, 1, 2].map(along));
+        median(self.all.iter().map(|touch| touch.position.distance(middle))).unwrap_or(0.0)
+    }
+}
+
+/// The number of an ascending list below which so many tenths are.
+fn tenths(numbers: &[f64], tenths: usize) -> f64 {
+    let rank = numbers.len().saturating_sub(1) * tenths / 10;
+    nth_smallest(numbers.to_vec(), rank).unwrap_or(f64::NAN)
 }
 
 impl Distances {
-    fn score(self) -> LevelScore {
-        let contacts: Vec<f64> = self.contacts.iter().flatten().copied().collect();
-        let contact_mean = contacts.iter().sum::<f64>() / contacts.len() as f64;
-        let tenths = |numbers: &[f64], tenths: usize| {
-            let rank = numbers.len().saturating_sub(1) * tenths / 10;
-            nth_smallest(numbers.to_vec(), rank).unwrap_or(f64::NAN)
-        };
+    fn add(&mut self, at: &Placement, hierarchy: &Hierarchy, touch: &Touch) {
+        let distance = at.error(hierarchy, touch).0.length();
+        self.touches.push(distance);
+        self.contacts[touch.contact] += touch.weight * distance;
+    }
+
+    fn median(&self) -> f64 {
+        tenths(&self.touches, 5)
+    }
+
+    /// How much nearer its predictions of contacts are than those of another, distances counting at most as `most`, in
+    /// standard errors of the difference.
+    fn gain_over(&self, other: &Self, most: f64) -> f64 {
+        let pairs = self.contacts.iter().zip(&other.contacts);
+        let gains: Vec<f64> = pairs.map(|(a, b)| b.min(most) - a.min(most)).collect();
+        let count = gains.len() as f64;
+        let mean = gains.iter().sum::<f64>() / count;
+        let variance = gains.iter().map(|gain| (gain - mean).powi(2)).sum::<f64>() / (count - 1.0).max(1.0);
+        if variance > 0.0 { mean / (variance / count).sqrt() } else { 0.0 }
+    }
+
+    fn score(&self, level: BodyLevel) -> LevelScore {
         LevelScore {
-            level: self.level,
-            median: tenths(&self.touches, 5),
+            level,
+            median: self.median(),
             most: tenths(&self.touches, 9),
-            contact_median: tenths(&contacts, 5),
-            contact_mean,
+            contact_median: tenths(&self.contacts, 5),
+            contact_mean: self.contacts.iter().sum::<f64>() / self.contacts.len() as f64,
         }
     }
 }

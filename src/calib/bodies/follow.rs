@@ -5,7 +5,7 @@
 use glam::DVec3;
 
 use super::cad::CadSkin;
-use super::options::{BodyOptions, TouchNoise};
+use super::options::BodyOptions;
 use super::result::BodyCalibration;
 use super::touches::Touches;
 use crate::calib::follow::TouchStream;
@@ -43,8 +43,6 @@ pub struct BodyFollower {
     cad: CadSkin,
     options: BodyOptions,
     stream: TouchStream,
-    /// Whether the noise is estimated from the next touch on.
-    estimates: bool,
     solution: Option<Solution>,
 }
 
@@ -53,30 +51,18 @@ pub struct BodyFollower {
 struct Solution {
     /// How many touches it is of.
     touches: usize,
-    noise: TouchNoise,
     found: BodyCalibration,
 }
 
 impl BodyFollower {
-    /// Fits after every `every` touches. [`BodyOptions::folds`] are left to [`fit_bodies`](crate::calib::fit_bodies()).
+    /// Fits after every `every` touches. [`BodyOptions::folds`] are left to [`finish`](Self::finish).
     ///
     /// # Errors
     /// If the drawing breaks a rule ([`CadSkin::validate`]) or an option is out of range.
     pub fn new(cad: CadSkin, options: &BodyOptions, every: usize) -> Result<Self, CalibError> {
         cad.validate()?;
         options.validate()?;
-        Ok(Self {
-            cad,
-            options: BodyOptions { folds: None, ..*options },
-            stream: TouchStream::new(every),
-            estimates: false,
-            solution: None,
-        })
-    }
-
-    /// Estimates the noise from the next touch on, as for touches whose file gives none.
-    pub fn estimate_noise(&mut self) {
-        self.estimates = true;
+        Ok(Self { cad, options: *options, stream: TouchStream::new(every), solution: None })
     }
 
     /// The drawing.
@@ -98,10 +84,8 @@ impl BodyFollower {
         touch.validate()?;
         let needs_orientation = self.options.probe.is_some();
         Touches::of_rows(&touch, &self.cad, needs_orientation, self.stream.observations.contacts.len())?;
-        if self.estimates {
-            self.options.noise = TouchNoise::Estimated;
-        }
-        let (cad, options, last) = (&self.cad, &self.options, &mut self.solution);
+        let options = &BodyOptions { folds: None, ..self.options };
+        let (cad, last) = (&self.cad, &mut self.solution);
         self.stream.add(&touch, None, |stream| {
             let found = fit_bodies_with(&stream.observations, cad, options, run)?;
             let before: Vec<DVec3> = match last {
@@ -111,7 +95,7 @@ impl BodyFollower {
             let after = found.taxels.iter().map(|taxel| taxel.position);
             let sigmas = found.taxels.iter().map(|taxel| (taxel.id, taxel.covariance.sigma()));
             let solved = FollowedSolve::of(before.into_iter(), after, sigmas);
-            *last = Some(Solution { touches: stream.count, noise: options.noise, found });
+            *last = Some(Solution { touches: stream.count, found });
             Ok(solved)
         })
     }
@@ -121,12 +105,12 @@ impl BodyFollower {
         self.solution.as_ref().map(|solution| &solution.found)
     }
 
-    /// The fit to all touches, which is the last one if that has all of them.
+    /// The fit to all touches, which is the last one if that has all of them and no contacts are held back.
     ///
     /// # Errors
     /// As [`fit_bodies`](crate::calib::fit_bodies()); without a touch there is nothing to fit.
     pub fn finish(mut self, run: Run<'_>) -> Result<BodyCalibration, CalibError> {
-        let is_last = |last: &Solution| last.touches == self.stream.count && last.noise == self.options.noise;
+        let is_last = |last: &Solution| last.touches == self.stream.count && self.options.folds.is_none();
         match self.solution.take().filter(is_last) {
             Some(last) => Ok(last.found),
             None => fit_bodies_with(&self.stream.observations, &self.cad, &self.options, run),

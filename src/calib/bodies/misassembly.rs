@@ -11,8 +11,9 @@ use glam::{DMat3, DQuat, DVec3};
 
 use super::cad::{CadSkin, ModuleId};
 use super::options::{BodyLevel, BodyOptions, Misassembly};
-use super::placement::Hierarchy;
+use super::placement::{Hierarchy, Placement};
 use super::solve::{Solved, solve};
+use super::start::start;
 use super::touches::Touches;
 use crate::calib::CalibError;
 use crate::calib::pose::{exp, hat, log};
@@ -52,6 +53,8 @@ pub struct Misassembled {
 pub(super) struct Assembled {
     pub(super) hierarchy: Hierarchy,
     pub(super) misassembled: Misassembled,
+    /// The fit of the mount.
+    pub(super) mounted: Placement,
 }
 
 impl Assembled {
@@ -62,12 +65,13 @@ impl Assembled {
         run: Run<'_>,
     ) -> Result<Self, CalibError> {
         let drawn = Hierarchy::new(cad);
-        let mounted = solve(options, BodyLevel::Mount, &drawn, touches, run)?;
+        let from = start(options, &drawn, touches, run)?;
+        let mounted = solve(options, BodyLevel::Mount, &drawn, touches, from, run)?;
         let mut hierarchy = drawn.clone();
         let misassembled = correct(options, &cad.slots(), &mounted, touches, &mut hierarchy);
         match options.misassembly {
-            Misassembly::Corrected => Ok(Self { hierarchy, misassembled }),
-            Misassembly::Reported => Ok(Self { hierarchy: drawn, misassembled }),
+            Misassembly::Corrected => Ok(Self { hierarchy, misassembled, mounted: mounted.placement }),
+            Misassembly::Reported => Ok(Self { hierarchy: drawn, misassembled, mounted: mounted.placement }),
         }
     }
 }
@@ -148,7 +152,7 @@ fn own_touches(
         let (motion, centre) = (at.motions[mount], hierarchy.centres[mount]);
         let normal: DVec3 = touch.taxels.iter().map(|&(v, w)| w * hierarchy.normals[v]).sum();
         let seen = touch.position + touch.probe * at.offset - centre - motion.translation;
-        let position = centre + motion.rotation.conjugate() * seen - at.standoff * normal;
+        let position = centre + motion.rotation.conjugate() * seen - (at.standoff + touch.lift) * normal;
         let slot = |v: VertexId| slots[module].iter().position(|&other| other == v);
         let slots = touch.taxels.iter().filter_map(|&(v, w)| Some((slot(v)?, w))).collect();
         let precision = (information.x_axis.x + information.y_axis.y + information.z_axis.z) / 3.0;

@@ -8,14 +8,15 @@
 //! e = p + R o - sum w_i (x_i + h n_i)
 //! ```
 //!
-//! with the probe's offset `o` and a standoff `h` along the normals `n_i`, if these are fitted. The fit minimises
-//! `sum w rho(e' Omega e)` plus the squared motions over their tolerances: touches move the highest body that
+//! with the probe's offset `o` and a standoff `h` along the normals `n_i`, if these are fitted. Where `p` is the centre of a
+//! sphere, `h` begins at nine tenths of its radius, along the normals of the fit. The fit minimises
+//! `sum w rho(e' C^-1 e)`, `C = a^2 I + f^2 S` with the stated covariance `S` and a scale that is estimated, plus the squared motions over their tolerances: touches move the highest body that
 //! explains them, since moving one body costs less than moving all that it carries. Touches that repeat a contact
 //! weigh as one together, so standard deviations follow from the number of contacts.
 //!
 //! ```text
-//! CadSkin, Observations -- touches --> fit of the mount -- misassembly --> solve -- covariance --> BodyCalibration
-//!                                                                            +--> folds: held-back contacts
+//! CadSkin, Observations -- touches --> start -- misassembly --> solve -- covariance --> BodyCalibration
+//!                                                                 +--> folds: held-back contacts --> level, verdict
 //! ```
 //!
 //! What touches of 3 mm noise per axis reach, 20 for each of 40 modules that are 5 mm and 5 degrees from the drawing, mean of 20
@@ -27,8 +28,8 @@
 //! its patch. Not guaranteed: the global minimum. Covariances are those of the linearised problem at the
 //! weights of the solution.
 //!
-//! In reading order: `cad`, `drawing`, `options`, `touches`, `placement`, `system`, `solve`, `covariance`, `misassembly`,
-//! `result`, `folds`, `follow`.
+//! In reading order: `cad`, `drawing`, `options`, `touches`, `placement`, `system`, `noise`, `solve`, `start`, `covariance`,
+//! `misassembly`, `result`, `folds`, `verdict`, `follow`.
 
 mod cad;
 mod covariance;
@@ -36,19 +37,22 @@ mod drawing;
 mod folds;
 mod follow;
 mod misassembly;
+mod noise;
 mod options;
 mod placement;
 mod result;
 mod solve;
+mod start;
 mod system;
 mod touches;
+mod verdict;
 
 pub use cad::{CadModule, CadSkin, CadTaxel, ModuleId, NamedTaxel};
 pub use drawing::ModuleNames;
 pub use folds::{HeldBack, LevelScore};
 pub use follow::BodyFollower;
 pub use misassembly::{Misassembled, TurnedModule};
-pub use options::{BodyLevel, BodyOptions, Folds, Misassembly, Tolerance, TouchNoise};
+pub use options::{BodyLevel, BodyOptions, Folds, Misassembly, Tolerance};
 pub use result::{BodyCalibration, BodyFit, CalibratedTaxel, ModulePose, MotionTest, ProbeOffset};
 pub use touches::TouchId;
 
@@ -57,6 +61,7 @@ use crate::run::Run;
 use covariance::covariances;
 use misassembly::Assembled;
 use solve::{Solved, solve};
+use start::down_to;
 use system::BodySystem;
 use touches::Touches;
 
@@ -118,14 +123,42 @@ pub fn fit_bodies_with(
     cad.validate()?;
     options.validate()?;
     let touches = Touches::new(observations, cad, options.probe.is_some())?;
-    let Assembled { hierarchy, misassembled } = Assembled::new(options, cad, &touches, run)?;
-    let solved: Solved = solve(options, options.level, &hierarchy, &touches, run)?;
-    let system = BodySystem::new(options, options.level, &hierarchy, &touches)?;
+    let options = &BodyOptions { standoff: options.standoff.or(touches.standoff()), ..*options };
+    let Assembled { hierarchy, misassembled, mounted } = Assembled::new(options, cad, &touches, run)?;
+    let mut solved: Solved = solve(options, options.level, &hierarchy, &touches, mounted.clone(), run)?;
+    let is_judged = |folds: &Folds| *folds != Folds::default() || touches.contacts >= 2 * folds.count;
+    let folds = options.folds.filter(is_judged);
+    let held_back = folds.map(|folds| folds::score(folds, &solved, &hierarchy, &touches, run)).transpose()?;
+    let level = held_back.as_ref().map_or(options.level, |held_back| held_back.supported);
+    if level < options.level {
+        let from = down_to(&hierarchy, &mounted, level);
+        // Levels that do not move keep the tolerances that were learned with them.
+        let learned = solved.learned;
+        solved = solve(options, level, &hierarchy, &touches, from, run)?;
+        solved.learned.module = learned.module;
+        if level == BodyLevel::Mount {
+            solved.learned.patch = learned.patch;
+        }
+    }
+    // A tolerance that was learned from few bodies is too small as often as too large: the larger one is certain.
+    let certain = BodyOptions {
+        patch: options.patch.larger(solved.learned.patch),
+        module: options.module.larger(solved.learned.module),
+        ..*options
+    };
+    let system = BodySystem::new(&certain, level, &hierarchy, &touches)?;
     let factor = system.factor(&system.linearise(&solved.placement, &solved.weights))?;
     let covariances = covariances(&system, &factor, &solved.placement)?;
-    let held_back =
-        options.folds.map(|folds| folds::score(options, folds, cad, &touches, run)).transpose()?;
     let prior = system.prior_chi2(&solved.placement);
-    let fit = result::Fit { cad, options, hierarchy: &hierarchy, touches: &touches, solved: &solved, prior };
+    let fit = result::Fit {
+        cad,
+        options,
+        certain: &certain,
+        level,
+        hierarchy: &hierarchy,
+        touches: &touches,
+        solved: &solved,
+        prior,
+    };
     Ok(fit.result(&covariances, misassembled, held_back))
 }

@@ -16,6 +16,14 @@ impl Tolerance {
     pub const fn mm_deg(mm: f64, degrees: f64) -> Self {
         Self { translation: 1e-3 * mm, rotation: degrees.to_radians() }
     }
+
+    /// The larger of two in either.
+    pub(super) fn larger(self, other: Self) -> Self {
+        Self {
+            translation: self.translation.max(other.translation),
+            rotation: self.rotation.max(other.rotation),
+        }
+    }
 }
 
 /// The bodies of a skin, each carried by the one before.
@@ -35,15 +43,6 @@ impl BodyLevel {
     pub const ALL: [Self; 3] = [Self::Mount, Self::Patch, Self::Module];
 }
 
-/// The noise of a touch.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum TouchNoise {
-    /// The information of the observations.
-    #[default]
-    Stated,
-    /// Standard deviations along the normal and in the tangent plane are estimated from the residuals, apart for
-    /// touches of one, two, three and more taxels.
-    Estimated,
 }
 
 /// Whether modules that look exchanged or turned are fitted as the touches place them.
@@ -65,6 +64,13 @@ pub struct Folds {
     pub seed: u64,
 }
 
+/// Five groups, which fits of fewer than ten contacts do without.
+impl Default for Folds {
+    fn default() -> Self {
+        Self { count: 5, seed: 0 }
+    }
+}
+
 /// Options of [`fit_bodies`](crate::calib::fit_bodies()).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BodyOptions {
@@ -81,11 +87,10 @@ pub struct BodyOptions {
     /// Standard deviation, in m, of a constant distance between taxels and touches along the normals; `None`: no
     /// such distance. A shift of the mount has almost the same effect.
     pub standoff: Option<f64>,
-    /// The noise.
-    pub noise: TouchNoise,
     /// What is done about exchanged and turned modules.
     pub misassembly: Misassembly,
-    /// Whether, and how, contacts are held back to score the levels.
+    /// Whether, and how, contacts are held back to choose the level and to judge the fit; `None`: neither, and the last
+    /// level that moves is [`level`](Self::level).
     pub folds: Option<Folds>,
 }
 
@@ -100,7 +105,6 @@ impl Default for BodyOptions {
             level: BodyLevel::Module,
             probe: None,
             standoff: None,
-            noise: TouchNoise::default(),
             misassembly: Misassembly::default(),
             folds: None,
         }

@@ -130,13 +130,13 @@ impl Placement {
         PlacedTaxel { position, normal, levers }
     }
 
-    /// `e = p + R o - sum w_i (x_i + h n_i)`, and the mean normal.
+    /// `e = p + R o - sum w_i (x_i + h n_i)`, `h` the standoff and the lift of the touch; and the mean normal.
     pub(super) fn error(&self, of: &Hierarchy, touch: &Touch) -> (DVec3, DVec3) {
-        let mut error = touch.position + touch.probe * self.offset;
+        let (mut error, standoff) = (touch.position + touch.probe * self.offset, self.standoff + touch.lift);
         let mut normal = DVec3::ZERO;
         for &(v, weight) in &touch.taxels {
             let placed = self.taxel(of, v);
-            error -= weight * (placed.position + self.standoff * placed.normal);
+            error -= weight * (placed.position + standoff * placed.normal);
             normal += weight * placed.normal;
         }
         (error, normal.normalize_or_zero())
@@ -145,20 +145,20 @@ impl Placement {
     /// As [`Placement::error`], with derivatives by all bodies down to `level`: translations in the parent's frame,
     /// and rotation vectors that multiply from the left.
     pub(super) fn linearised(&self, of: &Hierarchy, touch: &Touch, level: BodyLevel) -> TouchError {
-        let mut error = touch.position + touch.probe * self.offset;
+        let (mut error, standoff) = (touch.position + touch.probe * self.offset, self.standoff + touch.lift);
         let mut normal = DVec3::ZERO;
         // Weight and weighted lever of every body.
         let mut sums: Vec<(BodyId, DMat3, f64, DVec3)> = Vec::new();
         for &(v, weight) in &touch.taxels {
             let placed = self.taxel(of, v);
-            error -= weight * (placed.position + self.standoff * placed.normal);
+            error -= weight * (placed.position + standoff * placed.normal);
             normal += weight * placed.normal;
             let mut parent = DMat3::IDENTITY;
             for (body, (arm, normal)) in of.chain(v).into_iter().zip(placed.levers) {
                 if of.levels[body] > level {
                     break;
                 }
-                let lever = weight * (arm + self.standoff * normal);
+                let lever = weight * (arm + standoff * normal);
                 match sums.iter_mut().find(|sum| sum.0 == body) {
                     Some(sum) => (sum.2, sum.3) = (sum.2 + weight, sum.3 + lever),
                     None => sums.push((body, parent, weight, lever)),

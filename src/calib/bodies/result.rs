@@ -5,16 +5,16 @@ use std::collections::BTreeSet;
 use glam::{DMat3, DQuat, DVec3};
 
 use super::cad::{CadSkin, CadTaxel, ModuleId};
-use super::covariance::{BodyCovariances, of_taxel};
+use super::covariance::{BodyCovariances, added, derivatives, of_taxel};
 use super::folds::HeldBack;
 use super::misassembly::Misassembled;
-use super::options::{BodyLevel, BodyOptions, TouchNoise};
+use super::options::{BodyLevel, BodyOptions, Tolerance};
 use super::placement::{BodyId, Hierarchy, precision};
-use super::solve::{EstimatedNoise, Solved};
+use super::solve::Solved;
 use super::system::deviation;
-use super::touches::{TouchId, Touches};
+use super::touches::{Touch, TouchId, Touches};
 use crate::id::{IdVec, VertexId};
-use crate::numeric::{Covariance, Matrix6, chi_square_tail, symmetric_eigen};
+use crate::numeric::{Covariance, Matrix6, chi_square_tail, median, symmetric_eigen};
 use crate::skin::TaxelId;
 
 /// A taxel where the fit places it.
@@ -100,9 +100,12 @@ pub struct BodyCalibration {
     pub probe: Option<ProbeOffset>,
     /// The standoff and its standard deviation, in m, if it is fitted.
     pub standoff: Option<[f64; 2]>,
-    /// Standard deviations along the normal and per axis of the tangent plane, in m, of touches of one, two, three and
-    /// more taxels; `None` if they are stated.
-    pub noise: Option<EstimatedNoise>,
+    /// Standard deviation of a touch per axis, in m, as it is estimated: the median over the touches.
+    pub noise: f64,
+    /// The same over what is stated.
+    pub noise_over_stated: f64,
+    /// Levels below the mount, down to that of the options, with their tolerance as given and as learned from the touches.
+    pub tolerances: Vec<(BodyLevel, Tolerance, Tolerance)>,
     /// Number of touches and of contacts.
     pub counts: [usize; 2],
     /// Touches that are outliers, numbered in the order of their first rows.
@@ -127,6 +130,10 @@ pub struct BodyCalibration {
 pub(super) struct Fit<'f> {
     pub(super) cad: &'f CadSkin,
     pub(super) options: &'f BodyOptions,
+    /// The options with the tolerances of the covariances.
+    pub(super) certain: &'f BodyOptions,
+    /// The last level that moves.
+    pub(super) level: BodyLevel,
     pub(super) hierarchy: &'f Hierarchy,
     pub(super) touches: &'f Touches,
     pub(super) solved: &'f Solved,
@@ -141,7 +148,7 @@ impl Fit<'_> {
         misassembled: Misassembled,
         held_back: Option<HeldBack>,
     ) -> BodyCalibration {
-        let Self { cad, options, hierarchy, touches, solved, prior } = self;
+        let Self { cad, options, hierarchy, touches, solved, prior, .. } = self;
         let contacts = self.contacts_of_bodies();
         let chains = hierarchy.chains.enumerate();
         let is_untouched = |module: &ModuleId| {
@@ -151,6 +158,12 @@ impl Fit<'_> {
         let errors: f64 = of_inliers.clone().map(|(id, touch)| touch.weight * solved.chi2[id]).sum();
         let (probe, standoff) = covariances.probe;
         let diagonal = DVec3::new(probe.x_axis.x, probe.y_axis.y, probe.z_axis.z);
+        let sigmas = |touch: &Touch| Some([solved.noise.sigma(&touch.stated)?, touch.stated.sigma()?]);
+        let sigmas: Vec<[f64; 2]> = touches.all.iter().filter_map(sigmas).collect();
+        let tolerances = [BodyLevel::Patch, BodyLevel::Module]
+            .into_iter()
+            .filter(|level| *level <= options.level)
+            .map(|level| (level, options.tolerance(level), solved.learned.tolerance(level)));
         let rejected = solved.inliers.enumerate().filter(|(_, is_inlier)| !**is_inlier);
         BodyCalibration {
             taxels: self.taxels(covariances),
@@ -160,7 +173,10 @@ impl Fit<'_> {
                 sigmas: diagonal.map(|variance| variance.max(0.0).sqrt()),
             }),
             standoff: options.standoff.map(|_| [solved.placement.standoff, standoff.max(0.0).sqrt()]),
-            noise: (options.noise == TouchNoise::Estimated).then_some(solved.noise),
+            noise: median(sigmas.iter().map(|[found, _]| *found)).unwrap_or(f64::NAN),
+            noise_over_stated: median(sigmas.iter().map(|[found, stated]| found / stated))
+                .unwrap_or(f64::NAN),
+            tolerances: tolerances.collect(),
             counts: [touches.all.len(), touches.contacts],
             rejected: rejected.map(|(touch, _)| touch).collect(),
             chi2: errors + prior,
@@ -194,10 +210,32 @@ impl Fit<'_> {
                 id: taxel.id,
                 position: placed.position,
                 normal: placed.normal.try_normalize(),
-                covariance: of_taxel(&covariances.modules[module], placed.position - centres[module]),
+                covariance: of_taxel(
+                    &added(&covariances.modules[module], &self.unmoved(v)),
+                    placed.position - centres[module],
+                ),
             }
         };
         self.cad.taxels.enumerate().map(of).collect()
+    }
+
+    /// What the tolerances of bodies that carry a taxel and do not move leave open, of the centre of its module.
+    fn unmoved(&self, taxel: VertexId) -> Matrix6 {
+        let (at, of) = (&self.solved.placement, self.hierarchy);
+        let chain = of.chain(taxel);
+        let derivatives = derivatives(of, at, chain);
+        let mut sum = Matrix6::ZERO;
+        for (body, derivative) in chain.into_iter().zip(derivatives) {
+            let level = of.levels[body];
+            if level > self.level {
+                let tolerance = self.solved.learned.tolerance(level);
+                let [t, r] = [tolerance.translation, tolerance.rotation]
+                    .map(|sigma| DMat3::from_diagonal(DVec3::splat(sigma * sigma)));
+                let own = Matrix6([[t, DMat3::ZERO], [DMat3::ZERO, r]]);
+                sum = added(&sum, &(derivative * own * derivative.transpose()));
+            }
+        }
+        sum
     }
 
     /// Where the centre of a module is.
@@ -234,9 +272,11 @@ impl Fit<'_> {
         }
     }
 
-    /// If the tolerance `S_0` is right, a result of covariance `S` is distributed with `S_0 - S` about the drawing.
+    /// A motion of variance `s` under the tolerance `t` of the fit is the share `k = 1 - s / t` of what it would be without a
+    /// tolerance. If the given tolerance `g` is right, its variance about the drawing is `k^2 g + k (1 - k) t`.
     fn test(&self, level: BodyLevel, motion: [f64; 6], covariance: &Matrix6) -> MotionTest {
-        let scale = precision(self.options, level).map(f64::sqrt);
+        let scale = precision(self.certain, level).map(f64::sqrt);
+        let given = precision(self.options, level).map(f64::sqrt);
         let shrunk = std::array::from_fn(|i| {
             std::array::from_fn(|j| {
                 f64::from(u8::from(i == j)) - scale[i] * covariance.entry(i, j) * scale[j]
@@ -246,7 +286,8 @@ impl Fit<'_> {
         let (mut chi2, mut degrees_of_freedom) = (0.0, 0);
         for (k, &value) in values.iter().enumerate().filter(|(_, value)| **value > LEAST_DETERMINED) {
             let along: f64 = (0..6).map(|i| vectors[i][k] * motion[i] * scale[i]).sum();
-            chi2 += along * along / value;
+            let given: f64 = (0..6).map(|i| (vectors[i][k] * scale[i] / given[i]).powi(2)).sum();
+            chi2 += along * along / (value * value * given + value * (1.0 - value));
             degrees_of_freedom += 1;
         }
         let p = if degrees_of_freedom == 0 { 1.0 } else { chi_square_tail(chi2, degrees_of_freedom as f64) };

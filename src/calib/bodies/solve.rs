@@ -1,14 +1,14 @@
-//! The fit: Gauss-Newton under Tukey's loss whose bound shrinks in stages, so that no good start is needed and
-//! outliers lose their influence; last, least squares on the inliers. Where the noise is not stated it is estimated
-//! after each stage, along the normal and in the tangent plane apart, and Tukey's loss is kept to the end: the tails of
-//! such noise are not known. The fit shrinks the residuals, more the fewer touches a module has, so each is divided by
-//! the share of the noise that is left in it.
+//! The fit: Gauss-Newton under the loss of Student's t, whose noise is estimated before each step, so that the scale
+//! shrinks by itself from what the start leaves; then Tukey's loss, under which outliers lose their influence. Last the
+//! tolerances of patches and modules are learned: by expectation and maximisation, from how far those bodies moved
+//! `(dempster1977)`.
 
 use glam::{DMat3, DVec3};
 
-use super::options::{BodyLevel, BodyOptions, TouchNoise};
+use super::noise::{Noise, STUDENT, Stated};
+use super::options::{BodyLevel, BodyOptions, Tolerance};
 use super::placement::{Hierarchy, Placement};
-use super::system::{BodySystem, Weighted};
+use super::system::{BLOCK, BodySystem, Weighted, deviation};
 use super::touches::{Touch, TouchId, Touches};
 use crate::calib::CalibError;
 use crate::id::IdVec;
@@ -16,47 +16,42 @@ use crate::least_squares::{
     Descent, LossFunction, NormalEquations, Options, Problem, Schedule, Step, inlier_bound2, minimise,
     share_left,
 };
-use crate::numeric::{DEVIATION_OF_MEDIAN, MEDIAN_OF_MAXWELL, MEDIAN_OF_RAYLEIGH, median};
 use crate::run::Run;
 
-/// First factor of the bound of Tukey's loss, which halves from stage to stage; larger where the drawing is farther from
-/// the touches, so that none is rejected before the mount has moved.
-const FIRST_SCALE: f64 = 8.0;
+/// Steps under the loss of Student's t, before each of which the noise is estimated, and those of a start.
+const STUDENT_STEPS: usize = 8;
+const START_STEPS: usize = 10;
 
-/// Stages with the bound itself: each estimates the noise anew.
-const LAST_STAGES: usize = 3;
+/// Stages under Tukey's loss, after each of which the noise is estimated; and their steps.
+const STAGES: usize = 4;
+const STEPS_PER_STAGE: usize = 6;
 
-/// Gauss-Newton steps of a stage, after which the weights follow.
-const STEPS_PER_STAGE: usize = 4;
+/// Rounds in which tolerances are learned, each of so many estimates with two steps after them.
+const TOLERANCE_ROUNDS: usize = 3;
+const TOLERANCE_ESTIMATES: usize = 4;
+
+/// Stages and steps of a fit that begins at the fit of other contacts of the same skin.
+const CONTINUED_STAGES: usize = 3;
+const CONTINUED_STEPS: usize = 4;
 
 /// Most steps of the last stage. Its weights change a few times at most.
 const MOST_LAST_STEPS: usize = 30;
 
 /// A step below this, in m and rad, ends a stage.
-const SMALL_STEP: f64 = 1e-5;
+const SMALL_STEP: f64 = 1e-6;
 
 /// A step below this, in m and rad, ends the fit.
 const LAST_STEP: f64 = 1e-11;
 
-/// Standard deviation that the noise is assumed to have before it is estimated, in m.
-const FIRST_SIGMA: f64 = 4e-3;
-
-/// No estimated standard deviation is below this, in m.
-const LEAST_SIGMA: f64 = 3e-4;
-
 /// Least share of its variance that is left in a residual: of touches that the fit follows almost wholly nothing is known.
-const LEAST_SHARE: f64 = 0.1;
+const LEAST_SHARE: f64 = 0.15;
 
-/// Touches of the same number of taxels of which a standard deviation is estimated.
-const LEAST_TOUCHES: usize = 8;
-
-/// Classes of touches: one, two, three, and more taxels.
-pub(super) const CLASSES: usize = 4;
-
-/// Standard deviations along the normal and per axis of the tangent plane of each class, in m.
-pub(super) type EstimatedNoise = [[f64; 2]; CLASSES];
+/// What is believed of tolerances before they are learned: half the given ones, seen six times.
+const BELIEVED_SHARE: f64 = 0.5;
+const BELIEVED_COUNT: f64 = 6.0;
 
 /// A solved fit.
+#[derive(Clone)]
 pub(super) struct Solved {
     pub(super) placement: Placement,
     /// Squared whitened errors.
@@ -64,33 +59,17 @@ pub(super) struct Solved {
     /// Weight of each touch, without that of its contact: 1 or almost 0.
     pub(super) inliers: IdVec<TouchId, bool>,
     pub(super) weights: IdVec<TouchId, Weighted>,
-    pub(super) noise: EstimatedNoise,
+    pub(super) noise: Noise,
+    /// The options with learned tolerances.
+    pub(super) learned: BodyOptions,
     pub(super) steps: usize,
     pub(super) converged: bool,
-}
-
-fn class(touch: &Touch) -> usize {
-    touch.taxels.len().clamp(1, CLASSES) - 1
-}
-
-/// The information of a touch whose mean normal is known, or zero.
-fn information(options: &BodyOptions, noise: &EstimatedNoise, touch: &Touch, normal: DVec3) -> DMat3 {
-    if options.noise == TouchNoise::Stated {
-        return touch.information;
-    }
-    let [along, across] = noise[class(touch)].map(|sigma| sigma.powi(-2));
-    if normal == DVec3::ZERO {
-        // Without normals the two cannot be distinguished.
-        return DMat3::from_diagonal(DVec3::splat(across));
-    }
-    let outer = DMat3::from_cols(normal * normal.x, normal * normal.y, normal * normal.z);
-    DMat3::from_diagonal(DVec3::splat(across)) + outer * (along - across)
 }
 
 /// The fit of a system whose noise and loss change from stage to stage.
 struct Fit<'f> {
     system: &'f BodySystem<'f>,
-    noise: EstimatedNoise,
+    noise: Noise,
     loss: LossFunction,
     steps: usize,
 }
@@ -101,11 +80,15 @@ struct At {
     errors: IdVec<TouchId, (f64, DMat3)>,
 }
 
-impl Fit<'_> {
+impl<'f> Fit<'f> {
+    fn new(system: &'f BodySystem<'f>, noise: Noise) -> Self {
+        Self { system, noise, loss: LossFunction::tukey(3), steps: 0 }
+    }
+
     fn at(&self, placement: Placement) -> At {
         let errors = self.system.touches.all.map(|touch| {
-            let (error, normal) = placement.error(self.system.hierarchy, touch);
-            let information = information(self.system.options, &self.noise, touch, normal);
+            let error = placement.error(self.system.hierarchy, touch).0;
+            let information = self.noise.information(&touch.stated);
             (error.dot(information * error), information)
         });
         At { placement, errors }
@@ -116,70 +99,99 @@ impl Fit<'_> {
         weighed.map(|(&(chi2, info), touch)| (touch.weight * self.loss.weight(chi2), info)).collect()
     }
 
-    /// The shares of the variance of the noise that the fit leaves in each residual, along the normal and in the tangent
-    /// plane.
-    fn shares(&self, at: &At) -> Result<IdVec<TouchId, [f64; 2]>, CalibError> {
+    /// At most so many steps, from a placement.
+    fn advance(
+        &mut self,
+        from: Placement,
+        steps: usize,
+        small: f64,
+        run: Run<'_>,
+    ) -> Result<(At, bool), CalibError> {
+        let limits = Options { max_iterations: steps, small_step: small, ..Options::default() };
+        let from = self.at(from);
+        let (at, termination) = minimise(self, from, &limits, run)?;
+        Ok((at, termination.is_converged()))
+    }
+
+    /// Steps under the loss of Student's t, the noise being estimated before each.
+    fn begin(&mut self, mut at: Placement, steps: usize, run: Run<'_>) -> Result<Placement, CalibError> {
+        self.loss = LossFunction::Cauchy { c2: STUDENT };
+        for _ in 0..steps {
+            self.learn(&at, None);
+            at = self.advance(at, 1, 0.0, run)?.0.placement;
+        }
+        self.loss = LossFunction::tukey(3);
+        Ok(at)
+    }
+
+    /// The shares of the variance of the noise that the fit leaves in each residual.
+    fn shares(&self, at: &At) -> Result<IdVec<TouchId, f64>, CalibError> {
         let (weights, placement) = (self.weights(at), &at.placement);
         let factor = self.system.factor(&self.system.linearise(placement, &weights))?;
         let share = |(touch, weighted): (&Touch, &Weighted)| {
             let prediction = self.system.prediction(&factor, placement, touch)?;
-            let normal = placement.error(self.system.hierarchy, touch).1;
             let trace = prediction.x_axis.x + prediction.y_axis.y + prediction.z_axis.z;
-            let along = normal.dot(prediction * normal);
-            let across = (trace - along) / if normal == DVec3::ZERO { 3.0 } else { 2.0 };
-            let noise = self.noise[class(touch)].map(|sigma| sigma * sigma);
-            let left = |k: usize, variance| share_left(weighted.0 / touch.weight, variance, noise[k]);
-            Ok([left(0, along), left(1, across)].map(|share| share.max(LEAST_SHARE)))
+            let left = share_left(weighted.0 / touch.weight, trace, self.noise.trace(&touch.stated));
+            Ok(left.clamp(LEAST_SHARE, 1.0))
         };
         self.system.touches.all.iter().zip(&weights).map(share).collect()
     }
 
-    /// Standard deviations from medians, which half of the touches may spoil, of residuals that have `shares` of the
-    /// variance. Both follow from the touches with a normal; from the lengths of all errors where few have one. A class
-    /// of few touches takes the noise of all.
-    fn estimate_noise(&mut self, at: &Placement, shares: Option<&IdVec<TouchId, [f64; 2]>>) {
+    /// Learns the noise from residuals that have `shares` of its variance.
+    fn learn(&mut self, at: &Placement, shares: Option<&IdVec<TouchId, f64>>) {
         let error = |(number, touch): (TouchId, &Touch)| {
-            let (error, normal) = at.error(self.system.hierarchy, touch);
-            let along = error.dot(normal);
-            let [one, two] = shares.map_or([1.0; 2], |shares| shares[number]).map(f64::sqrt);
-            let across = (error - along * normal).length();
-            (class(touch), normal != DVec3::ZERO, [along.abs() / one, across / two])
+            let error = at.error(self.system.hierarchy, touch).0;
+            let share = shares.map_or(1.0, |shares| shares[number]);
+            (error / share.sqrt(), touch.weight, touch.stated)
         };
-        let errors: IdVec<TouchId, _> = self.system.touches.all.enumerate().map(error).collect();
-        let sigmas = |takes: &dyn Fn(usize) -> bool| {
-            let taken = || errors.iter().filter(|error| takes(error.0));
-            let with_normal = || taken().filter(|error| error.1).map(|error| error.2);
-            let is_isotropic = with_normal().count() < LEAST_TOUCHES && taken().any(|error| !error.1);
-            let sigmas = if is_isotropic {
-                [median(taken().map(|error| error.2[0].hypot(error.2[1])))? / MEDIAN_OF_MAXWELL; 2]
-            } else {
-                let across = median(with_normal().map(|error| error[1]))? / MEDIAN_OF_RAYLEIGH;
-                [DEVIATION_OF_MEDIAN * median(with_normal().map(|error| error[0]))?, across]
-            };
-            Some(sigmas.map(|sigma| sigma.max(LEAST_SIGMA)))
+        let errors: Vec<(DVec3, f64, Stated)> = self.system.touches.all.enumerate().map(error).collect();
+        self.noise = self.noise.learned(&errors);
+    }
+
+    fn learn_from(&mut self, at: At) -> Result<Placement, CalibError> {
+        let shares = self.shares(&at)?;
+        self.learn(&at.placement, Some(&shares));
+        Ok(at.placement)
+    }
+
+    /// The tolerances of patches and modules that explain best how far they moved: the mean square of the motions, with
+    /// what is not known of them, and of what is believed before.
+    fn tolerances(&self, at: &At, given: &BodyOptions) -> Result<BodyOptions, CalibError> {
+        let factor = self.system.factor(&self.system.linearise(&at.placement, &self.weights(at)))?;
+        let inverse = factor.selected_inverse();
+        let learned = |level: BodyLevel, given: Tolerance| {
+            let believed = BELIEVED_SHARE * BELIEVED_SHARE * BELIEVED_COUNT;
+            let mut squares = [given.translation, given.rotation].map(|sigma| believed * sigma * sigma);
+            let mut count = BELIEVED_COUNT;
+            let of_level = self.system.hierarchy.levels.enumerate().filter(|(_, of)| **of == level);
+            for (body, row) in of_level.filter_map(|(body, _)| Some((body, self.system.row(body)?))) {
+                let (moved, unknown) = (deviation(&at.placement, body), inverse.diagonal::<BLOCK>(row));
+                (0..BLOCK).for_each(|k| squares[k / 3] += moved[k] * moved[k] + unknown[k][k]);
+                count += 3.0;
+            }
+            let [translation, rotation] = squares.map(|sum| (sum / count).sqrt());
+            Tolerance { translation, rotation }
         };
-        let all = sigmas(&|_| true).unwrap_or([FIRST_SIGMA; 2]);
-        for k in 0..CLASSES {
-            let counts = [true, false].map(|has_normal| {
-                errors.iter().filter(|error| error.0 == k && error.1 == has_normal).count()
-            });
-            let count = if counts[0] > 0 { counts[0] } else { counts[1] };
-            let own = (count >= LEAST_TOUCHES).then(|| sigmas(&|class| class == k)).flatten();
-            self.noise[k] = own.unwrap_or(all);
+        Ok(BodyOptions {
+            patch: learned(BodyLevel::Patch, given.patch),
+            module: learned(BodyLevel::Module, given.module),
+            ..*given
+        })
+    }
+
+    fn solved(&self, at: At, learned: BodyOptions, converged: bool) -> Solved {
+        let outlier2 = inlier_bound2(3);
+        Solved {
+            chi2: at.errors.map(|error| error.0),
+            inliers: at.errors.map(|error| error.0 <= outlier2),
+            weights: self.weights(&at),
+            placement: at.placement,
+            noise: self.noise,
+            learned,
+            steps: self.steps,
+            converged,
         }
     }
-}
-
-/// The factors of the bound in the stages, from one that leaves an error of `farthest` bounds some weight.
-fn scales(farthest: f64) -> Vec<f64> {
-    let mut scales = vec![1.0; LAST_STAGES];
-    let mut next = 2.0;
-    while next <= FIRST_SCALE || next < 2.0 * farthest && next.is_finite() {
-        scales.push(next);
-        next *= 2.0;
-    }
-    scales.reverse();
-    scales
 }
 
 impl<'f> Problem for Fit<'f> {
@@ -233,43 +245,72 @@ impl<'f> Problem for Fit<'f> {
     }
 }
 
-/// Fits all bodies down to `level`.
+/// A start, refined with mount, probe and standoff.
+pub(super) fn refined(
+    options: &BodyOptions,
+    hierarchy: &Hierarchy,
+    touches: &Touches,
+    from: Placement,
+    run: Run<'_>,
+) -> Result<Placement, CalibError> {
+    let system = BodySystem::new(options, BodyLevel::Mount, hierarchy, touches)?;
+    Fit::new(&system, Noise::START).begin(from, START_STEPS, run)
+}
+
+/// Fits all bodies down to `level`, from a placement.
 pub(super) fn solve(
     options: &BodyOptions,
     level: BodyLevel,
     hierarchy: &Hierarchy,
     touches: &Touches,
+    from: Placement,
     run: Run<'_>,
 ) -> Result<Solved, CalibError> {
     let system = BodySystem::new(options, level, hierarchy, touches)?;
-    let tukey = LossFunction::tukey(3);
-    let noise = [[FIRST_SIGMA; 2]; CLASSES];
-    let mut fit = Fit { system: &system, noise, loss: tukey, steps: 0 };
-    let limits = |max_iterations, small_step| Options { max_iterations, small_step, ..Options::default() };
-    let mut at = fit.at(Placement::drawn(hierarchy));
-    let farthest = at.errors.iter().fold(0.0_f64, |most, (chi2, _)| most.max(*chi2));
-    for scale in scales((farthest / tukey.bound2()).sqrt()) {
-        fit.loss = tukey.scaled(scale * scale);
-        at = minimise(&mut fit, at, &limits(STEPS_PER_STAGE, SMALL_STEP), run)?.0;
-        if options.noise == TouchNoise::Estimated {
-            // Before the last stages the bound is too wide for weights to mean something.
-            fit.loss = tukey;
-            let shares = (scale <= 1.0).then(|| fit.shares(&at)).transpose()?;
-            fit.estimate_noise(&at.placement, shares.as_ref());
-            at = fit.at(at.placement);
-        }
+    let mut fit = Fit::new(&system, Noise::START);
+    let mut placement = fit.begin(from, STUDENT_STEPS, run)?;
+    for _ in 0..STAGES {
+        let at = fit.advance(placement, STEPS_PER_STAGE, SMALL_STEP, run)?.0;
+        placement = fit.learn_from(at)?;
     }
-    let is_stated = options.noise == TouchNoise::Stated;
-    fit.loss = if is_stated { LossFunction::truncated(3) } else { tukey };
-    let (at, termination) = minimise(&mut fit, at, &limits(MOST_LAST_STEPS, LAST_STEP), run)?;
-    let outlier2 = inlier_bound2(3);
-    Ok(Solved {
-        chi2: at.errors.map(|error| error.0),
-        inliers: at.errors.map(|error| error.0 <= outlier2),
-        weights: fit.weights(&at),
-        placement: at.placement,
-        noise: fit.noise,
-        steps: fit.steps,
-        converged: termination.is_converged(),
-    })
+    let (mut noise, mut steps, mut learned) = (fit.noise, fit.steps, *options);
+    let rounds = if level == BodyLevel::Mount { 0 } else { TOLERANCE_ROUNDS };
+    for _ in 0..rounds {
+        for _ in 0..TOLERANCE_ESTIMATES {
+            let system = BodySystem::new(&learned, level, hierarchy, touches)?;
+            let mut fit = Fit { steps, ..Fit::new(&system, noise) };
+            let at = fit.advance(placement, 2, 0.0, run)?.0;
+            let next = fit.tolerances(&at, options)?;
+            (placement, steps) = (at.placement, fit.steps);
+            learned = next;
+        }
+        let system = BodySystem::new(&learned, level, hierarchy, touches)?;
+        let mut fit = Fit { steps, ..Fit::new(&system, noise) };
+        let at = fit.advance(placement, 2, 0.0, run)?.0;
+        placement = fit.learn_from(at)?;
+        (noise, steps) = (fit.noise, fit.steps);
+    }
+    let system = BodySystem::new(&learned, level, hierarchy, touches)?;
+    let mut fit = Fit { steps, ..Fit::new(&system, noise) };
+    let (at, converged) = fit.advance(placement, MOST_LAST_STEPS, LAST_STEP, run)?;
+    Ok(fit.solved(at, learned, converged))
+}
+
+/// Fits the bodies down to `level` to other touches of the same skin, from a fit and with its noise and tolerances.
+pub(super) fn continued(
+    fitted: &Solved,
+    level: BodyLevel,
+    hierarchy: &Hierarchy,
+    touches: &Touches,
+    from: Placement,
+    run: Run<'_>,
+) -> Result<Placement, CalibError> {
+    let system = BodySystem::new(&fitted.learned, level, hierarchy, touches)?;
+    let mut fit = Fit::new(&system, fitted.noise);
+    let mut placement = from;
+    for _ in 0..CONTINUED_STAGES {
+        placement = fit.advance(placement, CONTINUED_STEPS, SMALL_STEP, run)?.0.placement;
+        fit.learn(&placement, None);
+    }
+    Ok(placement)
 }

@@ -6,10 +6,12 @@ use std::collections::hash_map::Entry;
 use glam::{DMat3, DVec3};
 
 use super::cad::CadSkin;
+use super::noise::Stated;
 use crate::calib::{
     CalibError, ContactMeasurement, ContactObservationId, Model, ObservationId, Observations, TouchRow,
 };
 use crate::id::{IdVec, VertexId, define_id};
+use crate::numeric::median;
 use crate::skin::TaxelId;
 
 define_id!(
@@ -22,12 +24,15 @@ define_id!(
 pub(super) struct Touch {
     /// Its taxels in the drawing, and their weights, of sum 1.
     pub(super) taxels: Vec<(VertexId, f64)>,
-    /// Mean of the observed positions, in m.
+    /// The centre of the body, or else the mean of the observed positions, in m.
     pub(super) position: DVec3,
     /// Orientation of the probe.
     pub(super) probe: DMat3,
-    /// Mean of the stated information. All rows observe one point, so it does not grow with their number.
-    pub(super) information: DMat3,
+    /// The stated noise: the mean of the information of its rows, which observe one point, so that it does not grow with
+    /// their number; of a centre that of [`CENTRE_SIGMA`].
+    pub(super) stated: Stated,
+    /// How far the position is from the taxels along their normals, before the standoff is known, in m.
+    pub(super) lift: f64,
     /// Number of its contact, dense.
     pub(super) contact: usize,
     /// Weight of the touch: one over the touches of its contact.
@@ -42,6 +47,13 @@ pub(super) struct Touches {
     pub(super) contacts: usize,
 }
 
+/// What is stated of the centre of a body next to the mean of the taxels that feel it, in m per axis: taxels are a few
+/// millimetres apart, and the scale is estimated.
+const CENTRE_SIGMA: f64 = 2e-3;
+
+/// The share of the radius of a sphere at which its centre is above the taxels; the rest is the depth of the press.
+const LIFT: f64 = 0.9;
+
 /// A touch while its rows are read.
 struct RowSum {
     first: ContactObservationId,
@@ -51,6 +63,10 @@ struct RowSum {
     position: DVec3,
     probe: DMat3,
     information: DMat3,
+    /// Sum of the normals of its taxels.
+    normal: DVec3,
+    /// Weighted sums of the centre and of the radius, where all rows have them.
+    body: Option<(DVec3, f64)>,
 }
 
 impl Touches {
@@ -108,6 +124,10 @@ impl Touches {
                     return Err(CalibError::WrongModel { observation, id, model: Model::Positions, needed });
                 }
             };
+            sum.normal += cad.taxels[vertex].normal.unwrap_or(DVec3::ZERO);
+            sum.body = sum.body.zip(row.body).map(|((centre, radius), body)| {
+                (centre + row.weight * body.centre, radius + row.weight * body.radius)
+            });
             sum.taxels.push((vertex, row.weight));
             sum.weight += row.weight;
             sum.position += row.weight * position;
@@ -128,17 +148,32 @@ impl Touches {
             }
             counts[contact] += 1;
             let share = sum.weight.recip();
+            // Without a normal nothing says where the taxels are from the centre, but the positions of the rows do.
+            let body = sum.body.filter(|(_, radius)| *radius == 0.0 || sum.normal != DVec3::ZERO);
+            let (position, stated, lift) = match body {
+                Some((centre, radius)) => {
+                    (share * centre, Stated::isotropic(CENTRE_SIGMA), LIFT * share * radius)
+                }
+                None => (share * sum.position, Stated::of_information(&(sum.information * share)), 0.0),
+            };
             all.push(Touch {
                 taxels: sum.taxels.into_iter().map(|(v, w)| (v, w * share)).collect(),
-                position: share * sum.position,
+                position,
                 probe: sum.probe * share,
-                information: sum.information * share,
+                stated,
+                lift,
                 contact,
                 weight: 1.0,
             });
         }
         all.iter_mut().for_each(|touch: &mut Touch| touch.weight = (counts[touch.contact] as f64).recip());
         Self { all, contacts: counts.len() }
+    }
+
+    /// The standard deviation of the standoff where touches are centres of spheres: a tenth of their radius, at least 1 mm.
+    pub(super) fn standoff(&self) -> Option<f64> {
+        let lifts = self.all.iter().map(|touch| touch.lift).filter(|lift| *lift > 0.0);
+        median(lifts).map(|lift| (0.1 * lift / LIFT).max(1e-3))
     }
 
     /// Those for which `takes` is true of the contact.
@@ -158,6 +193,8 @@ impl RowSum {
             position: DVec3::ZERO,
             probe: DMat3::ZERO,
             information: DMat3::ZERO,
+            normal: DVec3::ZERO,
+            body: Some((DVec3::ZERO, 0.0)),
         }
     }
 }

@@ -5,7 +5,7 @@ pub(super) mod information;
 mod touch_row;
 mod validate;
 
-pub use touch_row::TouchRow;
+pub use touch_row::{TouchRow, TouchingBody};
 
 use std::collections::HashMap;
 use std::fmt;
@@ -281,6 +281,9 @@ impl Observations {
                     scale_pose(seen, factor);
                 }
             }
+        }
+        for body in self.touches.iter_mut().filter_map(|row| row.body.as_mut()) {
+            (body.centre, body.radius) = (body.centre * factor, body.radius * factor);
         }
     }
 }

@@ -1,9 +1,10 @@
 //! Which touch a contact belongs to: the columns of a table of contacts that the fit of rigid bodies uses.
 
-use glam::DQuat;
+use glam::{DQuat, DVec3};
 
 use crate::calib::pose::is_unit;
 use crate::calib::{CalibError, ContactObservationId, Observations};
+use crate::mesh::is_within_reach;
 
 /// The touch of a contact, one for each row of a table.
 ///
@@ -18,11 +19,22 @@ pub struct TouchRow {
     pub weight: f64,
     /// Orientation of the probe's frame in the frame of the contacts, a unit quaternion.
     pub probe: Option<DQuat>,
+    /// The body that touched, if it is known.
+    pub body: Option<TouchingBody>,
+}
+
+/// A sphere that touched.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TouchingBody {
+    /// Its centre, in the frame of the contacts, in m.
+    pub centre: DVec3,
+    /// Its radius, in m; 0: a point, or a body of unknown size around its origin.
+    pub radius: f64,
 }
 
 impl Default for TouchRow {
     fn default() -> Self {
-        Self { touch: None, contact: None, weight: 1.0, probe: None }
+        Self { touch: None, contact: None, weight: 1.0, probe: None, body: None }
     }
 }
 
@@ -49,6 +61,11 @@ impl Observations {
             // Also refuses NaN.
             if row.probe.is_some_and(|q| !is_unit(q)) {
                 return invalid("the orientation of its probe is not a quaternion of unit length");
+            }
+            let is_body =
+                |body: TouchingBody| is_within_reach(body.centre) && (0.0..=1e3).contains(&body.radius);
+            if row.body.is_some_and(|body| !is_body(body)) {
+                return invalid("the body has no centre within 1e12 m, or no radius from 0 to 1000 m");
             }
         }
         Ok(())

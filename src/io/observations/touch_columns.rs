@@ -1,8 +1,10 @@
-//! The columns of a table of contacts about touches: `touch`, `contact`, `weight`, `qx,qy,qz,qw`.
+//! The columns of a table of contacts about touches: `touch`, `contact`, `weight`, `qx,qy,qz,qw`, `px,py,pz,radius`.
 
 use std::io::Write;
 
-use crate::calib::{Observations, TouchRow};
+use glam::DVec3;
+
+use crate::calib::{Observations, TouchRow, TouchingBody};
 use crate::io::error::Result;
 use crate::io::table::writer::TableWriter;
 use crate::io::table::{Columns, Row};
@@ -12,9 +14,11 @@ pub(super) const TOUCH: &str = "touch";
 const CONTACT: &str = "contact";
 const WEIGHT: &str = "weight";
 const PROBE: [&str; 4] = ["qx", "qy", "qz", "qw"];
+const BODY: [&str; 4] = ["px", "py", "pz", "radius"];
 
 /// All of them.
-pub(super) const TOUCH_COLUMNS: [&str; 7] = [TOUCH, CONTACT, WEIGHT, "qx", "qy", "qz", "qw"];
+pub(super) const TOUCH_COLUMNS: [&str; 11] =
+    [TOUCH, CONTACT, WEIGHT, "qx", "qy", "qz", "qw", "px", "py", "pz", "radius"];
 
 /// The columns that a table has.
 #[derive(Debug, Clone, Copy)]
@@ -23,20 +27,25 @@ pub(super) struct TouchColumns {
     contact: Option<usize>,
     weight: Option<usize>,
     probe: Option<[usize; 4]>,
+    body: Option<[usize; 4]>,
 }
 
 impl TouchColumns {
     /// `None` if the table has none of them.
     pub(super) fn find(columns: &Columns) -> Result<Option<Self>> {
         let [touch, contact, weight] = [TOUCH, CONTACT, WEIGHT].map(|name| columns.find(name));
-        let probe = columns.find_vector(PROBE)?;
-        let has_any = touch.or(contact).or(weight).is_some() || probe.is_some();
-        Ok(has_any.then_some(Self { touch, contact, weight, probe }))
+        let (probe, body) = (columns.find_vector(PROBE)?, columns.find_vector(BODY)?);
+        let has_any = touch.or(contact).or(weight).is_some() || probe.or(body).is_some();
+        Ok(has_any.then_some(Self { touch, contact, weight, probe, body }))
     }
 
     pub(super) fn read(self, row: Row<'_>) -> Result<TouchRow> {
         let whole = |column: usize| {
             row.text(column).parse::<u64>().map_err(|_| row.invalid(column, "a whole number, 0 or more"))
+        };
+        let body = |columns: [usize; 4]| -> Result<TouchingBody> {
+            let [x, y, z, radius] = columns.map(|column| row.number(column));
+            Ok(TouchingBody { centre: DVec3::new(x?, y?, z?), radius: radius? })
         };
         let weight = self.weight.map(|column| match row.number(column)? {
             x if x > 0.0 => Ok(x),
@@ -47,6 +56,7 @@ impl TouchColumns {
             contact: self.contact.map(whole).transpose()?,
             weight: weight.transpose()?.unwrap_or(1.0),
             probe: self.probe.map(|columns| row.rotation(columns)).transpose()?,
+            body: self.body.map(body).transpose()?,
         })
     }
 }
@@ -56,8 +66,9 @@ pub(super) fn written(observations: &Observations) -> Vec<&'static str> {
     let Some(first) = observations.touches.iter().next() else { return Vec::new() };
     let touch = first.touch.map(|_| TOUCH);
     let contact = first.contact.map(|_| CONTACT);
-    let probe = first.probe.map(|_| PROBE);
-    touch.into_iter().chain(contact).chain([WEIGHT]).chain(probe.into_iter().flatten()).collect()
+    let (probe, body) = (first.probe.map(|_| PROBE), first.body.map(|_| BODY));
+    let vectors = [probe, body].into_iter().flatten().flatten();
+    touch.into_iter().chain(contact).chain([WEIGHT]).chain(vectors).collect()
 }
 
 /// Writes the cells of a touch under `columns`; false if it lacks one of them, or has another.
@@ -68,12 +79,14 @@ pub(super) fn write(columns: &[&str], row: &TouchRow, table: &mut TableWriter<im
     let fits = |name: &str, is_there: bool| columns.contains(&name) == is_there;
     if !(fits(TOUCH, row.touch.is_some())
         && fits(CONTACT, row.contact.is_some())
-        && fits(PROBE[0], row.probe.is_some()))
+        && fits(PROBE[0], row.probe.is_some())
+        && fits(BODY[0], row.body.is_some()))
     {
         return false;
     }
     [row.touch, row.contact].into_iter().flatten().for_each(|number| table.whole(number));
     table.decimals([row.weight]);
     table.decimals(row.probe.into_iter().flat_map(|q| q.to_array()));
+    table.decimals(row.body.into_iter().flat_map(|b| [b.centre.x, b.centre.y, b.centre.z, b.radius]));
     true
 }

@@ -196,8 +196,8 @@ pub fn write_touch_log(
     })
 }
 
-/// Writes contacts: `i,x,y,z,touch[,contact],weight[,qx,qy,qz,qw],ixx,ixy,ixz,iyy,iyz,izz`, metres and 1/m^2. `contact` and
-/// the orientation of the body stand there if the log has them.
+/// Writes contacts: `i,x,y,z,touch[,contact],weight[,qx,qy,qz,qw][,px,py,pz,radius],ixx,ixy,ixz,iyy,iyz,izz`, metres and
+/// 1/m^2. `contact` and the orientation of the body stand there if the log has them, the body if no touch is of a plane.
 ///
 /// # Errors
 /// [`IoError::Write`]; an older file stays as it was.
@@ -212,6 +212,8 @@ pub fn write_touch_contacts(
     header += if has_contacts { ",contact" } else { "" };
     header += if has_times { ",time,weight" } else { ",weight" };
     header += if has_rotations { ",qx,qy,qz,qw" } else { "" };
+    let has_bodies = contacts.iter().all(|contact| contact.body.is_some());
+    header += if has_bodies { ",px,py,pz,radius" } else { "" };
     header += ",ixx,ixy,ixz,iyy,iyz,izz";
     write_table(&path.into(), &header, |table| {
         for contact in contacts {
@@ -227,6 +229,8 @@ pub fn write_touch_contacts(
                 Some(q) => table.decimals(DQuat::to_array(&q)),
                 None => table.empty(if has_rotations { 4 } else { 0 }),
             }
+            let body = contact.body.filter(|_| has_bodies).into_iter();
+            table.decimals(body.flat_map(|body| [body.centre.x, body.centre.y, body.centre.z, body.radius]));
             table.decimals(contact.information.upper());
             table.end_row()?;
         }

@@ -6,7 +6,7 @@ use dermatome::{
     Error, Skin,
     calib::{
         BodyCalibration, BodyFit, BodyLevel, BodyOptions, CadSkin, CalibratedTaxel, Folds, Misassembly,
-        ModuleId, ModuleNames, NamedTaxel, Tolerance, TouchNoise, fit_bodies_with,
+        ModuleId, ModuleNames, NamedTaxel, Tolerance, fit_bodies_with,
     },
     id::{IdVec, VertexId},
     io::{modules_of_skin, read_draft, read_modules, write_bodies},
@@ -115,7 +115,9 @@ impl Drawing {
         all.set_item("rejected", vector(py, found.rejected.iter().map(|touch| touch.raw())))?;
         all.set_item("chi2", found.chi2)?;
         all.set_item("dof", found.degrees_of_freedom)?;
-        all.set_item("noise", found.noise.map(|noise| matrix(py, noise)).transpose()?)?;
+        all.set_item("noise", found.noise)?;
+        all.set_item("noise_over_stated", found.noise_over_stated)?;
+        all.set_item("faults", found.faults())?;
         let probe = found.probe.map(|probe| {
             let of = |v: DVec3| vector(py, v.to_array());
             (of(probe.offset), of(probe.sigmas))
@@ -136,7 +138,8 @@ impl Drawing {
                 .iter()
                 .map(|s| (s.level.to_string(), s.median, s.most, s.contact_median, s.contact_mean))
                 .collect();
-            (held_back.supported.to_string(), levels)
+            let drawn = (held_back.drawn_median, held_back.drawn_most);
+            (held_back.supported.to_string(), levels, drawn, held_back.explained)
         });
         all.set_item("held_back", held_back)?;
         all.set_item("steps", found.steps)?;
@@ -188,13 +191,12 @@ pub(crate) struct BodyArgs {
     fit_probe: Option<f64>,
     fit_standoff: Option<f64>,
     as_drawn: bool,
-    folds: Option<i64>,
+    folds: i64,
     seed: u64,
 }
 
 impl BodyArgs {
-    /// With the noise that the observations state, if they do.
-    pub(crate) fn options(&self, is_stated: bool) -> PyResult<BodyOptions> {
+    pub(crate) fn options(&self) -> PyResult<BodyOptions> {
         let known = BodyOptions::default();
         let tolerance = |known: Tolerance, translation: Option<f64>, rotation: Option<f64>| Tolerance {
             translation: translation.unwrap_or(known.translation),
@@ -202,7 +204,7 @@ impl BodyArgs {
         };
         let levels = BodyLevel::ALL.map(|level| (level.to_string(), level));
         let levels = levels.each_ref().map(|(name, level)| (name.as_str(), *level));
-        let folds = self.folds.map(|folds| count("folds", folds)).transpose()?;
+        let folds = Folds { count: count("folds", self.folds)?, seed: self.seed };
         Ok(BodyOptions {
             mount: tolerance(known.mount, self.mount, self.mount_angle),
             patch: tolerance(known.patch, self.patch, self.patch_angle),
@@ -210,9 +212,8 @@ impl BodyArgs {
             level: word("level", &self.level, &levels)?,
             probe: self.fit_probe,
             standoff: self.fit_standoff,
-            noise: if is_stated { TouchNoise::Stated } else { TouchNoise::Estimated },
             misassembly: if self.as_drawn { Misassembly::Reported } else { Misassembly::Corrected },
-            folds: folds.map(|count| Folds { count, seed: self.seed }),
+            folds: Some(folds),
         })
     }
 }
@@ -228,7 +229,7 @@ pub(crate) fn fit_bodies<'py>(
     threads: i64,
 ) -> PyResult<Bound<'py, PyDict>> {
     let observations = observations.get();
-    let options = options.options(!observations.is_assumed())?;
+    let options = options.options()?;
     let drawing = Drawing::read(py, cad, modules)?;
     let (of, bodies) = (Arc::clone(&observations.observations), drawing.cad.clone());
     let fit = move |stop: &crate::jobs::Stop| fit_bodies_with(&of, &bodies, &options, stop.run());

@@ -200,7 +200,6 @@ impl PyTouchFollower {
     fn push(&mut self, py: Python<'_>, touch: &Bound<'_, PyObservations>) -> PyResult<Followed> {
         let (observations, Self { solver, threads }) = (touch.get(), self);
         match solver {
-            Solver::Bodies(follower, _) if observations.is_assumed() => follower.estimate_noise(),
             Solver::Bodies(..) => {}
             Solver::Taxels(..) => observations.check_uncertainty()?,
         }

@@ -264,6 +264,8 @@ pub(crate) fn contacts_of_log<'py>(
     ] {
         left_out.set_item(name, number)?;
     }
+    let spikes: Vec<_> = said.spikes.iter().map(|s| (s.row, s.taxel.0, s.reading)).collect();
+    left_out.set_item("spikes", spikes)?;
     summary.set_item("left_out", left_out)?;
     summary.set_item("arm_noise", said.arm_noise)?;
     summary.set_item("reading_noise", said.reading_noise)?;

@@ -58,7 +58,9 @@ def test_bodies_are_those_of_the_command(folder):
     assert len(found.rejected) == said["rejected"] and (found.chi2, found.dof) == (said["chi2"], said["dof"])
     assert np.allclose(1e3 * found.probe.offset, said["probe"]["offset_mm"], rtol=1e-12)
     assert np.allclose(1e3 * found.probe.sigma, said["probe"]["sigma_mm"], rtol=1e-12)
-    assert abs(found.probe.offset[1] - 5e-3) < 5e-4 and found.standoff is None and found.noise is None
+    assert abs(found.probe.offset[1] - 5e-3) < 5e-4 and found.standoff is None
+    assert (1e3 * found.noise, found.noise_over_stated) == pytest.approx((said["noise_mm"], said["noise_over_stated"]))
+    assert list(found.faults) == said["faults"] == []
     for body, row in zip(found.bodies, said["bodies"], strict=True):
         assert (body.level, body.name, body.contacts, body.dof, body.believable) == tuple(row[k] for k in ("level", "name", "contacts", "dof", "believable"))
         assert (1e3 * body.moved, np.degrees(body.turned)) == pytest.approx((row["moved_mm"], row["turned_deg"]), rel=1e-9)
@@ -66,7 +68,8 @@ def test_bodies_are_those_of_the_command(folder):
         assert (body.chi2, body.p) == (row["chi2"], row["p"])
         assert np.linalg.norm(body.translation) == pytest.approx(body.moved) and np.linalg.norm(body.rotation) == pytest.approx(body.turned)
     assert [body.name for body in found.bodies] == ["mount", "left", "right", "m0", "m1", "m2", "m3"]
-    assert found.held_back.supported == said["held_back"]["supported"]
+    assert found.held_back.supported == said["held_back"]["supported"] and found.held_back.explained == said["held_back"]["explained"]
+    assert 1e3 * found.held_back.drawn[0] == pytest.approx(said["held_back"]["drawing_median_mm"])
     for level, row in zip(found.held_back.levels, said["held_back"]["levels"], strict=True):
         assert level.level == row["level"]
         assert 1e3 * level.median == pytest.approx(row["median_mm"]) and 1e3 * level.p90 == pytest.approx(row["p90_mm"])
@@ -94,7 +97,7 @@ def test_a_skin_is_a_drawing_and_what_is_assumed_is_remarked(folder):
     assert np.allclose(of_skin.positions[order], of_file.positions, atol=3e-4)
     bare = {name: column[:42] for name, column in columns.items() if name != "sigma"}
     assumed = dermatome.calibrate(dermatome.Observations.from_columns(bare), cad=skin, modules=modules)
-    assert assumed.noise.shape == (4, 2) and assumed.untouched == ("m3",)
+    assert assumed.noise > 0 and assumed.untouched == ("m3",)
     assert assumed.remarks[0] == "the table gives no uncertainty; it is estimated from the touches"
     assert assumed.remarks[-1] == "without a touch, a module keeps its drawn pose on its patch: `m3`"
     assert not any("1 mm per axis" in remark for remark in assumed.remarks)
@@ -326,7 +329,7 @@ def test_what_came_before_a_bad_touch_is_kept(folder):
     assert next(unknown).taxels == (0,)
     with pytest.raises(dermatome.DataError, match="row 2 of the contacts is of taxel 99"):
         next(unknown)
-    assert unknown.result.touches == 1 and unknown.result.noise is not None
+    assert unknown.result.touches == 1 and unknown.result.noise > 0
     assert unknown.remarks == ["the table gives no uncertainty; it is estimated from the touches"]
     with pytest.raises(dermatome.DataError, match="every: found 0"):
         dermatome.follow([], every=0)

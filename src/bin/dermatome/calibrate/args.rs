@@ -14,7 +14,7 @@ pub(crate) struct Args {
     /// A table names its columns: i,j,dx,dy,dz for displacements or i,x,y,z for contacts, which may
     /// have nx,ny,nz and sigma_n in rad; then, for either, sigma in m, or sx,sy,sz, or the
     /// information ixx,ixy,ixz,iyy,iyz,izz in 1/m^2; 1 mm if none is given. Contacts may have the columns touch,
-    /// contact, weight and qx,qy,qz,qw, which --cad uses. No other columns and no empty cells.
+    /// contact, weight, qx,qy,qz,qw and px,py,pz,radius, which --cad uses. No other columns and no empty cells.
     pub(super) observations: InPath,
     /// Where to write: a table .csv, the graph with calibrated poses .g2o, or a skin .glb, .gltf,
     /// .json, .obj, .off, .ply, .stl; may be given more than once
@@ -56,13 +56,13 @@ pub(crate) struct Args {
     /// No covariances
     #[arg(long, help_heading = "Solver")]
     pub(super) no_covariance: bool,
-    /// Write the result even if the solve did not converge
+    /// Write the result even if the solve did not converge, or if the fit of a drawing cannot be believed
     #[arg(long)]
     pub(super) keep: bool,
     /// Solve after each touch of a table that is still being written, and print a line of JSON for each
     ///
     /// A touch is a row, or the rows with one number in a column touch. The last result is that of all touches at once.
-    #[arg(long, conflicts_with_all = ["folds", "contacts", "triangles", "truth", "json", "clip_information"])]
+    #[arg(long, conflicts_with_all = ["contacts", "triangles", "truth", "json", "clip_information"])]
     pub(super) follow: bool,
     /// Solve after every N touches
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = touches, requires = "follow")]

@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use anyhow::Context;
 use dermatome::Error;
-use dermatome::calib::{BodyCalibration, TouchNoise, fit_bodies};
+use dermatome::calib::{BodyCalibration, fit_bodies};
 use dermatome::io::{write_bodies, write_skin};
 
 use crate::calibrate::args::Args;
@@ -16,7 +16,7 @@ use crate::calibrate::inputs::{is_assumed, read_seen};
 use crate::calibrate::results::{OutputKind, check};
 use crate::console::errors::{BAD_INPUT, advise};
 use crate::console::notes::{note, remark_lost};
-use crate::console::print::print_json;
+use crate::console::print::{print_json, say};
 use crate::console::progress;
 use crate::files::outputs;
 use crate::options::Common;
@@ -31,17 +31,14 @@ pub(super) fn run(args: &Args, cad: &Path, common: &Common) -> anyhow::Result<Ex
     let drawing = Drawing::read(cad, &args.cad, common)?;
     let (mut observations, remarks) = read_seen(&args.observations, &[])?;
     remarks.iter().filter(|remark| !is_assumed(remark)).for_each(|remark| note!(common, "{remark}"));
-    let noise = if remarks.iter().any(is_assumed) {
+    if remarks.iter().any(is_assumed) {
         note!(common, "{NOISE_IS_ESTIMATED}");
-        TouchNoise::Estimated
-    } else {
-        TouchNoise::Stated
-    };
+    }
     observations.scale(args.unit.metres());
     let bar = progress::bar(common);
     bar.set_message("calibrating");
     let clock = Instant::now();
-    let found = fit_bodies(&observations, &drawing.cad, &args.cad.options(noise))
+    let found = fit_bodies(&observations, &drawing.cad, &args.cad.options())
         .map_err(Error::from)
         .with_context(|| format!("cannot calibrate {}", args.observations.display()))?;
     let seconds = clock.elapsed().as_secs_f64();
@@ -53,13 +50,26 @@ pub(super) fn run(args: &Args, cad: &Path, common: &Common) -> anyhow::Result<Ex
         let what = format!("{}: not converged; nothing was written", args.observations.display());
         return Err(advise(what, "give smaller tolerances, or write what there is with --keep"));
     }
+    let faults = found.faults();
+    if !faults.is_empty() && !args.keep {
+        let what = format!("{}: {}; nothing was written", args.observations.display(), faults.join("; "));
+        return Err(advise(
+            what,
+            "check that ids, poses and drawing belong together, or write what there is with --keep",
+        ));
+    }
     write(&outputs, &drawing, &found, common)?;
     if args.json {
         print_json("dermatome.bodies/1", &BodySummary::new(&found, &drawing.cad, seconds))?;
     } else if !common.quiet {
         print_bodies(&found)?;
     }
-    Ok(if found.converged { ExitCode::SUCCESS } else { ExitCode::from(BAD_INPUT) })
+    if !faults.is_empty() {
+        // Also in a quiet run: an exit code that is not 0 needs its reason.
+        say(format_args!("warning: {} (exit code 2)", faults.join("; ")));
+    }
+    let is_good = found.converged && faults.is_empty();
+    Ok(if is_good { ExitCode::SUCCESS } else { ExitCode::from(BAD_INPUT) })
 }
 
 /// The outputs, none of which is a graph.

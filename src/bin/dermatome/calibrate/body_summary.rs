@@ -1,6 +1,6 @@
 //! What `calibrate --cad` prints.
 
-use dermatome::calib::{BodyCalibration, BodyFit, CadSkin, HeldBack, ModuleId};
+use dermatome::calib::{BodyCalibration, BodyFit, BodyLevel, CadSkin, HeldBack, ModuleId, Tolerance};
 use serde::Serialize;
 
 use crate::console::print::{plain, print, print_table};
@@ -13,8 +13,11 @@ pub(super) struct BodySummary {
     rejected: usize,
     chi2: f64,
     dof: f64,
-    /// Along the normal and in the tangent plane, of touches of one, two, three and more taxels.
-    noise_mm: Option<Vec<[f64; 2]>>,
+    noise_mm: f64,
+    noise_over_stated: f64,
+    tolerances: Vec<ToleranceRow>,
+    faults: Vec<String>,
+    doubts: Vec<String>,
     probe: Option<ProbeSummary>,
     standoff_mm: Option<f64>,
     standoff_sigma_mm: Option<f64>,
@@ -51,6 +54,28 @@ struct BodyRow {
     believable: Option<bool>,
 }
 
+/// The tolerance of a level, as given and as learned.
+#[derive(Debug, Serialize)]
+struct ToleranceRow {
+    level: String,
+    given_mm: f64,
+    given_deg: f64,
+    learned_mm: f64,
+    learned_deg: f64,
+}
+
+impl ToleranceRow {
+    fn new((level, given, learned): &(BodyLevel, Tolerance, Tolerance)) -> Self {
+        Self {
+            level: level.to_string(),
+            given_mm: 1e3 * given.translation,
+            given_deg: given.rotation.to_degrees(),
+            learned_mm: 1e3 * learned.translation,
+            learned_deg: learned.rotation.to_degrees(),
+        }
+    }
+}
+
 #[derive(Debug, Serialize)]
 struct TurnedRow {
     module: String,
@@ -60,6 +85,10 @@ struct TurnedRow {
 #[derive(Debug, Serialize)]
 struct HeldBackSummary {
     supported: String,
+    explained: f64,
+    gain: f64,
+    drawing_median_mm: f64,
+    drawing_p90_mm: f64,
     levels: Vec<LevelRow>,
 }
 
@@ -76,7 +105,6 @@ impl BodySummary {
     pub(super) fn new(found: &BodyCalibration, cad: &CadSkin, seconds: f64) -> Self {
         let name = |module: ModuleId| cad.modules[module].name.clone();
         let [touches, contacts] = found.counts;
-        let noise = found.noise.map(|classes| classes.map(|pair| pair.map(|sigma| 1e3 * sigma)).to_vec());
         let probe = found.probe.map(|probe| ProbeSummary {
             offset_mm: (1e3 * probe.offset).to_array(),
             sigma_mm: (1e3 * probe.sigmas).to_array(),
@@ -88,7 +116,11 @@ impl BodySummary {
             rejected: found.rejected.len(),
             chi2: found.chi2,
             dof: found.degrees_of_freedom,
-            noise_mm: noise,
+            noise_mm: 1e3 * found.noise,
+            noise_over_stated: found.noise_over_stated,
+            tolerances: found.tolerances.iter().map(ToleranceRow::new).collect(),
+            faults: found.faults(),
+            doubts: found.doubts(),
             probe,
             standoff_mm: found.standoff.map(|[standoff, _]| 1e3 * standoff),
             standoff_sigma_mm: found.standoff.map(|[_, sigma]| 1e3 * sigma),
@@ -133,7 +165,14 @@ impl HeldBackSummary {
             contact_median_mm: 1e3 * score.contact_median,
             contact_mean_mm: 1e3 * score.contact_mean,
         });
-        Self { supported: held_back.supported.to_string(), levels: levels.collect() }
+        Self {
+            supported: held_back.supported.to_string(),
+            explained: held_back.explained,
+            gain: held_back.gain,
+            drawing_median_mm: 1e3 * held_back.drawn_median,
+            drawing_p90_mm: 1e3 * held_back.drawn_most,
+            levels: levels.collect(),
+        }
     }
 }
 
@@ -172,16 +211,30 @@ pub(super) fn print_bodies(found: &BodyCalibration) -> anyhow::Result<()> {
     if let Some([standoff, sigma]) = found.standoff {
         print(&format!("standoff: {:.1} +- {:.1} mm\n", 1e3 * standoff, 1e3 * sigma))?;
     }
-    let Some(held_back) = &found.held_back else { return Ok(()) };
-    let rows = held_back.scores.iter().map(|score| {
+    let (noise, times) = (1e3 * found.noise, found.noise_over_stated);
+    print(&format!("noise: {noise:.2} mm per axis, {times:.2} times the stated one\n"))?;
+    let Some(held_back) = &found.held_back else {
+        return print("too few contacts to hold some back: the fit is not judged\n");
+    };
+    let number = |metres: f64| format!("{:.2}", 1e3 * metres);
+    let row = |what: String, numbers: [f64; 2], of_contacts: Option<[f64; 2]>| {
+        let [median, mean] = of_contacts.map_or(["-".into(), "-".into()], |both| both.map(number));
         [
-            ("held-back contacts, fitted down to", score.level.to_string()),
-            ("median [mm]", format!("{:.2}", 1e3 * score.median)),
-            ("90 %", format!("{:.2}", 1e3 * score.most)),
-            ("median of contacts", format!("{:.2}", 1e3 * score.contact_median)),
-            ("mean of contacts", format!("{:.2}", 1e3 * score.contact_mean)),
+            ("held-back contacts, predicted by", what),
+            ("median [mm]", number(numbers[0])),
+            ("90 %", number(numbers[1])),
+            ("median of contacts", median),
+            ("mean of contacts", mean),
         ]
+    };
+    let drawn = row("the drawing".into(), [held_back.drawn_median, held_back.drawn_most], None);
+    let fitted = held_back.scores.iter().map(|score| {
+        let of_contacts = [score.contact_median, score.contact_mean];
+        row(score.level.to_string(), [score.median, score.most], Some(of_contacts))
     });
-    print_table(1, &rows.collect::<Vec<_>>())?;
-    print(&format!("the touches support the level {}\n", held_back.supported))
+    print_table(1, &std::iter::once(drawn).chain(fitted).collect::<Vec<_>>())?;
+    print(&format!(
+        "the touches support the level {}, which explains {:.3} of where they are\n",
+        held_back.supported, held_back.explained
+    ))
 }

@@ -1,6 +1,6 @@
 //! The arguments of `calibrate --cad`.
 
-use dermatome::calib::{BodyLevel, BodyOptions, Folds, Misassembly, Tolerance, TouchNoise};
+use dermatome::calib::{BodyLevel, BodyOptions, Folds, Misassembly, Tolerance};
 
 use crate::options::{Choice, InPath, number, one_of, side_mm};
 
@@ -11,8 +11,8 @@ pub(crate) struct CadArgs {
     /// The skin as drawn, with ids of taxels: touches move its mount, patches and modules
     ///
     /// Any skin, or a table taxel_id,x,y,z with nx,ny,nz, module and patch where they are known, in m, in the frame of the
-    /// contacts. The contacts may have the columns touch, contact, weight and qx,qy,qz,qw. Without columns of
-    /// uncertainty the noise is estimated.
+    /// contacts. The contacts may have the columns touch, contact, weight, qx,qy,qz,qw and px,py,pz,radius. Of the
+    /// stated uncertainty only the shape counts: its scale is estimated.
     #[arg(long, value_name = "SKIN", conflicts_with_all = [
         "contacts", "triangles", "truth", "inliers", "robust", "residual", "initial", "iterations",
         "clip_information", "no_covariance",
@@ -21,7 +21,7 @@ pub(crate) struct CadArgs {
     /// The modules of the taxels, taxel_id,module [default: a column of the drawing, else its pieces]
     #[arg(long, value_name = "M.csv", requires = "cad")]
     pub(super) modules: Option<InPath>,
-    /// The last bodies that move
+    /// The last bodies that may move
     #[arg(long, value_parser = one_of(&LEVELS), default_value = "module", requires = "cad")]
     level: BodyLevel,
     /// How far the mount may be from the drawing: standard deviation per axis
@@ -53,11 +53,13 @@ pub(crate) struct CadArgs {
     /// Fit modules that look exchanged or turned as they are drawn
     #[arg(long, requires = "cad")]
     as_drawn: bool,
-    /// Predict each of K groups of contacts from the others, and say which bodies the touches support
-    #[arg(long, value_name = "K", requires = "cad")]
-    folds: Option<usize>,
+    /// Groups of contacts, each predicted from the others: the bodies that the touches support move, and the fit is judged
+    ///
+    /// Fewer than ten contacts are not judged by 5 groups.
+    #[arg(long, value_name = "K", default_value_t = Folds::default().count, requires = "cad")]
+    folds: usize,
     /// Seed of the groups
-    #[arg(long, value_name = "S", default_value_t = 0, requires = "folds")]
+    #[arg(long, value_name = "S", default_value_t = 0, requires = "cad")]
     seed: u64,
 }
 
@@ -73,7 +75,7 @@ fn turn(text: &str) -> Result<f64, String> {
 }
 
 impl CadArgs {
-    pub(super) fn options(&self, noise: TouchNoise) -> BodyOptions {
+    pub(super) fn options(&self) -> BodyOptions {
         let tolerance =
             |translation: f64, degrees: f64| Tolerance { translation, rotation: degrees.to_radians() };
         BodyOptions {
@@ -83,9 +85,8 @@ impl CadArgs {
             level: self.level,
             probe: self.probe,
             standoff: self.standoff,
-            noise,
             misassembly: if self.as_drawn { Misassembly::Reported } else { Misassembly::Corrected },
-            folds: self.folds.map(|count| Folds { count, seed: self.seed }),
+            folds: Some(Folds { count: self.folds, seed: self.seed }),
         }
     }
 }

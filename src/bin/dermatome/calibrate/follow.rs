@@ -6,7 +6,7 @@ use std::process::ExitCode;
 
 use dermatome::Error;
 use dermatome::calib::{
-    BodyFollower, CalibError, Calibration, FollowedSolve, FollowedTouch, Follower, Observations, TouchNoise,
+    BodyFollower, CalibError, Calibration, FollowedSolve, FollowedTouch, Follower, Observations,
 };
 use dermatome::io::{ObservationRemark, touches_from_stream, write_bodies, write_calibration};
 use dermatome::run::Run;
@@ -59,7 +59,7 @@ impl Solver {
             return Ok(Self::Taxels(Box::new(Calibration::follow(&args.options(), args.every))));
         };
         let drawing = Box::new(Drawing::read(cad, &args.cad, common)?);
-        let options = args.cad.options(TouchNoise::Stated);
+        let options = args.cad.options();
         let follower = BodyFollower::new(drawing.cad.clone(), &options, args.every).map_err(Error::from)?;
         Ok(Self::Bodies { drawing, follower: Box::new(follower) })
     }
@@ -108,8 +108,16 @@ impl Solver {
                 if !common.quiet {
                     found.remarks(&drawing.cad).iter().for_each(|remark| note!(common, "{remark}"));
                 }
+                let faults = found.faults();
+                if !faults.is_empty() && !args.keep {
+                    return Err(advise(
+                        format!("{}; nothing was written at the end", faults.join("; ")),
+                        "check that ids, poses and drawing belong together, or write what there is with --keep",
+                    ));
+                }
                 bodies::write(outputs, &drawing, &found, common)?;
-                Ok((!found.converged).then(|| "not converged".to_owned()))
+                let why = if found.converged { faults } else { vec!["not converged".to_owned()] };
+                Ok((!why.is_empty()).then(|| why.join("; ")))
             }
         }
     }
@@ -134,10 +142,9 @@ pub(super) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
                 break;
             }
         };
-        if let Solver::Bodies { follower, .. } = &mut solver
+        if let Solver::Bodies { .. } = &solver
             && remarks.extract_if(.., |remark| is_assumed(remark)).next().is_some()
         {
-            follower.estimate_noise();
             remark_once(&mut remarked, NOISE_IS_ESTIMATED, common);
         }
         remark(&mut remarked, &remarks, args.unit, common)?;

@@ -113,10 +113,16 @@ class HeldBack:
         The last level that predicts contacts better than those before it.
     levels : tuple of LevelScore
         The score of each level.
+    drawn : (float, float)
+        Median distance of the touches from where the drawing predicts them, and the distance below which 90 % are, in m.
+    explained : float
+        Share of where the touches are that the fit explains: a wrong log has less than 0.85.
     """
 
     supported: str
     levels: tuple[LevelScore, ...]
+    drawn: tuple[float, float]
+    explained: float
 
     def __repr__(self) -> str:
         return f"<dermatome.HeldBack: the touches support the level {self.supported}>"
@@ -142,9 +148,10 @@ class BodyCalibration:
         Touches that are outliers, numbered in the order of their first rows.
     chi2, dof : float
         Squared whitened errors of inliers and motions over their tolerances; numbers that the inliers observe.
-    noise : (4, 2) float64 array or None
-        Standard deviations along the normal and per axis of the tangent plane, in m, of touches of 1, 2, 3 and more taxels; None:
-        the observations state them.
+    noise, noise_over_stated : float
+        Standard deviation of a touch per axis, in m, as it is estimated, and over what the observations state.
+    faults : tuple of str
+        Why the fit cannot be believed; empty if it can, or if there are too few contacts to judge it.
     probe : ProbeOffset or None
         The offset of the probe, if it is fitted.
     standoff, standoff_sigma : float or None
@@ -158,7 +165,7 @@ class BodyCalibration:
     untouched : tuple of str
         Modules without a touch: they keep their drawn pose on their patch.
     held_back : HeldBack or None
-        The prediction of contacts that were held back, with `folds`.
+        The prediction of contacts that were held back; None if there are too few.
     steps : int
         Steps of the fit.
     converged : bool
@@ -178,7 +185,9 @@ class BodyCalibration:
     rejected: NDArray[np.uint32]
     chi2: float
     dof: float
-    noise: NDArray[np.float64] | None
+    noise: float
+    noise_over_stated: float
+    faults: tuple[str, ...]
     probe: ProbeOffset | None
     standoff: float | None
     standoff_sigma: float | None
@@ -224,7 +233,10 @@ def bodies_of(found: dict[str, Any]) -> BodyCalibration:
         "exchanged": tuple(tuple(pair) for pair in found["exchanged"]),
         "turned": tuple(tuple(pair) for pair in found["turned"]),
         "untouched": tuple(found["untouched"]),
-        "held_back": None if held_back is None else HeldBack(held_back[0], tuple(LevelScore(*score) for score in held_back[1])),
+        "faults": tuple(found["faults"]),
+        "held_back": None if held_back is None else HeldBack(
+            held_back[0], tuple(LevelScore(*score) for score in held_back[1]), tuple(held_back[2]), held_back[3]
+        ),
         "remarks": tuple(found["remarks"]),
         "_skin": found["skin"],
     }

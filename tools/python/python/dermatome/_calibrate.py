@@ -31,7 +31,7 @@ OF_BODIES: dict[str, Any] = {
     "fit_probe": False,
     "fit_standoff": False,
     "as_drawn": False,
-    "folds": None,
+    "folds": 5,
     "seed": 0,
 }
 # Standard deviations of an offset of the probe and of a standoff, in m, as those of the command.
@@ -66,7 +66,7 @@ def calibrate(
     fit_probe: bool | float = False,
     fit_standoff: bool | float = False,
     as_drawn: bool = False,
-    folds: int | None = None,
+    folds: int = 5,
     seed: int = 0,
     threads: int = 0,
 ) -> BodyCalibration: ...
@@ -90,7 +90,7 @@ def calibrate(
     fit_probe: bool | float = False,
     fit_standoff: bool | float = False,
     as_drawn: bool = False,
-    folds: int | None = None,
+    folds: int = 5,
     seed: int = 0,
     threads: int = 0,
 ) -> Calibration | BodyCalibration:
@@ -111,12 +111,12 @@ def calibrate(
     covariances : bool
         Whether covariances are computed.
     cad : Skin, Map, str or os.PathLike, optional
-        The skin as drawn, with ids of taxels, in the frame of the contacts: touches move its mount, patches and modules. Its
-        noise is estimated where the file of the observations has none.
+        The skin as drawn, with ids of taxels, in the frame of the contacts: touches move its mount, patches and modules. Of the
+        stated noise only the shape counts: its scale is estimated.
     modules : mapping of int to str, str or os.PathLike, optional
         The module of each taxel, by its id, or a table of them; by default a column of the drawing, else its pieces.
     level : {"mount", "patch", "module"}
-        The last bodies that move.
+        The last bodies that may move.
     mount, patch, module : float, optional
         How far bodies may be from where the one before carries them: standard deviations, in m per axis (0.05, 0.003, 0.001).
     mount_angle, patch_angle, module_angle : float, optional
@@ -127,8 +127,9 @@ def calibrate(
         Fit a constant distance between taxels and touches along the normals; True is 0.01.
     as_drawn : bool
         Fit modules that look exchanged or turned as they are drawn.
-    folds : int, optional
-        Number of groups of contacts; each is predicted from the others, to find which bodies the touches support.
+    folds : int
+        Number of groups of contacts; each is predicted from the others: the bodies that the touches support move, and the fit is
+        judged. Fewer than ten contacts are not judged by 5 groups.
     seed : int
         Seed of the groups.
     threads : int

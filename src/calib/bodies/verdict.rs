@@ -1,0 +1,72 @@
+//! Whether a fit can be believed as a whole. *Heuristic*: the bounds were chosen on 57 simulated logs with every trouble
+//! that a robot gives, which explain 0.90 to 0.999 and pass, and on logs with shuffled taxels, which explain at most 0.63.
+//!
+//! The share of rejected touches says little of a wrong log, since noise is estimated: everything becomes noise.
+
+use super::result::BodyCalibration;
+
+/// Least share of the spread of the touches that the fit explains.
+const LEAST_EXPLAINED: f64 = 0.85;
+
+/// Most touches that may be outliers.
+const MOST_REJECTED: f64 = 0.5;
+
+/// A fit that predicts held-back contacts no better than the drawing, by one standard error, may be one of a right drawing;
+/// not if the noise that it finds is above so many times the stated one.
+const LEAST_GAIN: f64 = 1.0;
+const MOST_NOISE: f64 = 2.0;
+
+/// Noise over the stated one, above which a fit is doubtful.
+const DOUBTFUL_NOISE: f64 = 3.0;
+
+/// How far learned tolerances and the mount may be beyond what was given, before a fit is doubtful.
+const DOUBTFUL_TIMES: f64 = 3.0;
+
+impl BodyCalibration {
+    /// Why the fit cannot be believed, a sentence each; empty if it can, or if there are too few contacts to judge it.
+    pub fn faults(&self) -> Vec<String> {
+        let mut said = Vec::new();
+        let Some(held_back) = &self.held_back else { return said };
+        if held_back.explained.is_nan() || held_back.explained < LEAST_EXPLAINED {
+            said.push(format!(
+                "the fit explains {:.2} of where the touches are (needed: {LEAST_EXPLAINED}): taxels or poses are not those of \
+                 the drawing",
+                held_back.explained
+            ));
+        }
+        let rejected = self.rejected.len() as f64 / self.counts[0] as f64;
+        if rejected > MOST_REJECTED {
+            said.push(format!("{:.0} % of the touches are outliers", 1e2 * rejected));
+        }
+        if held_back.gain < LEAST_GAIN && self.noise_over_stated > MOST_NOISE {
+            said.push(format!(
+                "contacts are predicted no better than by the drawing, and the noise is {:.1} times the stated one",
+                self.noise_over_stated
+            ));
+        }
+        said
+    }
+
+    /// What makes the fit doubtful, a sentence each.
+    pub fn doubts(&self) -> Vec<String> {
+        let mut said = Vec::new();
+        if self.noise_over_stated > DOUBTFUL_NOISE {
+            said.push(format!("the noise is {:.1} times the stated one", self.noise_over_stated));
+        }
+        for (level, given, learned) in &self.tolerances {
+            for (given, learned, unit, scale) in [
+                (given.translation, learned.translation, "mm", 1e3),
+                (given.rotation, learned.rotation, "degrees", 1_f64.to_degrees()),
+            ] {
+                if learned > DOUBTFUL_TIMES * given {
+                    said.push(format!(
+                        "bodies of the level {level} moved by {:.1} {unit}, far beyond their tolerance of {:.1}",
+                        scale * learned,
+                        scale * given
+                    ));
+                }
+            }
+        }
+        said
+    }
+}
