@@ -43,8 +43,6 @@ impl BodyLevel {
     pub const ALL: [Self; 3] = [Self::Mount, Self::Patch, Self::Module];
 }
 
-}
-
 /// Whether modules that look exchanged or turned are fitted as the touches place them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Misassembly {

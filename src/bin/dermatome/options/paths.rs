@@ -10,6 +10,7 @@ use dermatome::design::Module;
 use dermatome::io::{ReadingsLayout, file_kind, read_module};
 
 use crate::options::values::side_mm;
+use crate::options::{BoundaryArg, CutArg, JointsArg, RegionSource};
 
 macro_rules! paths {
     ($($(#[$doc:meta])* $name:ident),*) => {$(
