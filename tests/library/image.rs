@@ -185,8 +185,7 @@ fn the_matrix_of_an_image_draws_it() {
         (Quantity::Intensive, 3),
         (Quantity::Extensive, 3),
     ] {
-        let frame =
-            on_levels(&map, |_, k| if missing > 0 && k % 7 < missing { f64::NAN } else { hash(k) });
+        let frame = on_levels(&map, |_, k| if missing > 0 && k % 7 < missing { f64::NAN } else { hash(k) });
         let mut renderer = renderer(&map, &atlas, quantity);
         renderer.render(&frame);
         for (part, image) in renderer.images().iter().enumerate() {

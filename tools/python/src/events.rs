@@ -7,7 +7,7 @@ use dermatome::diff::{Change, DiffOptions};
 use dermatome::io::{modules_of_skin, read_draft};
 use dermatome::signal::{
     BodyWord, Channel, ContactTracker, Duplicates, Event, EventContact, EventDetector, EventOptions,
-    EventPlace, Frame, Join, TrackerOptions,
+    EventPlace, Frame, Join, TrackerOptions, Word,
 };
 use dermatome::skin::TaxelId;
 use glam::DVec3;

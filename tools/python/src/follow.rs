@@ -181,7 +181,7 @@ impl PyTouchFollower {
         every: i64,
         threads: i64,
     ) -> PyResult<Self> {
-        let (options, every) = (options.options(true)?, count("every", every)?);
+        let (options, every) = (options.options()?, count("every", every)?);
         let drawing = Drawing::read(py, cad, modules)?;
         let follower = BodyFollower::new(drawing.cad.clone(), &options, every).map_err(error)?;
         let threads = count("threads", threads)?;

@@ -5,7 +5,7 @@ use std::{io::Cursor, path::PathBuf, sync::Arc};
 use dermatome::{
     calib::{
         ContactMeasurement, ContactObservation, Displacement, DisplacementMeasurement, Information, Model,
-        Observations, Pose, PoseMeasurement, TaxelVariable, TouchRow,
+        Observations, Pose, PoseMeasurement, TaxelVariable, TouchRow, TouchingBody,
     },
     id::VertexId,
     io::{ObservationRemark, observations_from_stream, read_observations, write_observations},
@@ -206,11 +206,13 @@ impl PyObservations {
         let contact = |(of, numbers): ContactState| {
             Some(ContactObservation { taxel: taxel(of)?, measurement: contact(&numbers)? })
         };
-        let touch = |(touch, contact, weight, probe): TouchState| TouchRow {
+        let body = |[x, y, z, radius]: [f64; 4]| TouchingBody { centre: DVec3::new(x, y, z), radius };
+        let touch = |(touch, contact, weight, probe, by): TouchState| TouchRow {
             touch,
             contact,
             weight,
             probe: probe.map(DQuat::from_array),
+            body: by.map(body),
         };
         let made = || {
             Some(Observations {
@@ -236,7 +238,10 @@ impl PyObservations {
         let edges: Vec<EdgeState> = edges.iter().map(edge).collect();
         let contact = |of: &ContactObservation| (of.taxel.raw(), of_contact(&of.measurement));
         let contacts: Vec<ContactState> = contacts.iter().map(contact).collect();
-        let touch = |row: &TouchRow| (row.touch, row.contact, row.weight, row.probe.map(|q| q.to_array()));
+        let body = |TouchingBody { centre, radius }: TouchingBody| [centre.x, centre.y, centre.z, radius];
+        let touch = |row: &TouchRow| {
+            (row.touch, row.contact, row.weight, row.probe.map(|q| q.to_array()), row.body.map(body))
+        };
         let touches: Vec<TouchState> = touches.iter().map(touch).collect();
         let state =
             (*model == Model::Poses, taxels, edges, contacts, touches, remarks.clone(), assumed.clone());
@@ -267,8 +272,9 @@ type EdgeState = ([u32; 2], Vec<f64>);
 /// A taxel, and the numbers of its contact.
 type ContactState = (u32, Vec<f64>);
 
-/// A touch: its number, that of its contact, its weight, and the orientation of the probe.
-type TouchState = (Option<u64>, Option<u64>, f64, Option<[f64; 4]>);
+/// A touch: its number, that of its contact, its weight, the orientation of the probe, and the centre and radius of what
+/// touched.
+type TouchState = (Option<u64>, Option<u64>, f64, Option<[f64; 4]>, Option<[f64; 4]>);
 
 /// A pose as position and quaternion.
 fn numbers(pose: &Pose) -> [f64; 7] {
