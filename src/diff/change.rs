@@ -19,7 +19,7 @@ pub struct DiffOptions {
 
 impl Default for DiffOptions {
     fn default() -> Self {
-        Self { modules: Default::default(), sigma: None, chance: 1e-3 }
+        Self { modules: Default::default(), sigma: None, chance: 1e-2 }
     }
 }
 

@@ -43,6 +43,7 @@ impl SheetStrain {
     /// Area of the faces whose strain is beyond `strain`, in m^2.
     pub fn area_beyond(&self, strain: f64) -> f64 {
         let is_beyond = |&&(.., found): &&(FaceId, f64, f64)| found.abs() > strain;
-        self.faces.iter().filter(is_beyond).map(|(_, area, _)| area).sum()
+        // The sum of none is -0.
+        self.faces.iter().filter(is_beyond).map(|(_, area, _)| area).sum::<f64>() + 0.0
     }
 }

@@ -57,13 +57,14 @@ fn gaps_are_listed_and_contacts_have_all_patches() {
             let gap = &found["gaps"][0];
             assert_eq!(gap["patches"], serde_json::json!(["left", "body"]), "{command} {file}: {found}");
             assert!(
-                (gap["width_mm"][0].as_f64().unwrap() - 10.0).abs() < 1e-4
-                    && gap["links"].as_u64().unwrap() >= 6
+                (gap["width_mm"][0].as_f64().unwrap() - 8.660254).abs() < 1e-4
+                    && gap["links"].as_u64().unwrap() >= 6,
+                "{command} {file}: {gap}"
             );
         }
     }
     let text = String::from_utf8(dermatome(at, "check arm.glb").output().unwrap().stdout).unwrap();
-    assert!(text.contains("gap left - body: ") && text.contains(" links, 10.0 to "), "{text}");
+    assert!(text.contains("gap left - body: ") && text.contains(" links, 8.7 to 10.0"), "{text}");
     let rendered = "render map/map.glb r.csv -o o.npz --values-only --contacts c.csv --events e.jsonl --threshold 1000 -q";
     dermatome(at, rendered).assert().success();
     let contacts = fs::read_to_string(at.join("c.csv")).unwrap();

@@ -171,19 +171,15 @@ fn repair_splits_crowded_edges_into_sheets() {
     notes(path, "build bow.obj -o M", &["touched in a point"]);
 }
 
-/// Four faces at an edge that are all connected around its ends: two are dropped.
+/// Four faces at an edge that are all connected around its ends: the second sheet gets a taxel in the middle.
 #[test]
-fn faces_that_cannot_be_split_off_are_dropped() {
+fn sheets_that_meet_at_an_edge_alone_are_parted() {
     let folder = tempfile::tempdir().unwrap();
     let book = "v 0 0 0\nv 0 0 1\nv 1 .1 0\nv -1 0 0\nv .1 1 0\nv 0 -1 0\n\
                 f 1 2 3\nf 2 1 4\nf 1 2 5\nf 2 1 6\nf 1 3 5\nf 1 4 6\nf 2 3 5\nf 2 4 6\n";
     fs::write(folder.path().join("book.obj"), book).unwrap();
     dermatome(folder.path(), "info book.obj").assert().code(2);
-    notes(
-        folder.path(),
-        "info book.obj --repair",
-        &["2 faces were dropped at edges shared by more than two"],
-    );
+    notes(folder.path(), "info book.obj --repair", &["1 edge got a taxel in the middle"]);
 }
 
 /// A map is a skin too: its map is the same but for the rounding of the file's numbers.

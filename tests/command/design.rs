@@ -193,7 +193,7 @@ fn inner_sides_are_hinted_at() {
     let link = shell.patches.iter().next().unwrap().link;
     shell.patches.push(Patch::from_mesh("inner", link, inner));
     write_skin(&folder.path().join("shell.obj"), &shell).unwrap();
-    let flags = "--module triangle:24mm --bend-radius 20mm";
+    let flags = "--module triangle:16mm --tolerance 2mm";
     dermatome(&folder, &format!("design r.urdf -o d {flags}")).assert().success().stderr(contains("--outer"));
     let run = dermatome(&folder, &format!("design r.urdf -o d {flags} --outer --json")).assert().success();
     assert_eq!(json(&run.get_output().stdout)["patches"].as_array().unwrap().len(), 1);

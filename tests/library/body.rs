@@ -66,7 +66,7 @@ fn gaps_have_a_widest_that_is_given_or_a_few_spacings() {
     assert!(!gap_links(&gapped(0.016), None).is_empty());
     assert!(gap_links(&gapped(0.025), None).is_empty());
     assert!(!gap_links(&gapped(0.025), Some(0.03)).is_empty());
-    assert!(gap_links(&gapped(0.012), Some(0.0119)).is_empty());
+    assert!(gap_links(&gapped(0.012), Some(0.0104)).is_empty());
     assert!(gap_links(&gapped(0.012), Some(0.0)).is_empty());
     assert!(gap_links(&gapped(0.012), Some(f64::NAN)).is_empty());
 }

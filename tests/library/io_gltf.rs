@@ -121,7 +121,7 @@ fn acuities_and_animations_are_kept_or_said_to_be_lost() {
     palm.acuities = Some(palm.areas.ids().map(|v| 1.0 + f64::from(v.raw() % 3)).collect());
     let mut motion = Motion::default();
     let to = DAffine3::from_translation(DVec3::X);
-    motion.set(LinkId::from(1), MotionFrame::World, &[(0.0, DAffine3::IDENTITY), (1.0, to)]).unwrap();
+    motion.set(LinkId::from(1), MotionFrame::Parent, &[(0.0, DAffine3::IDENTITY), (1.0, to)]).unwrap();
     motion.name = "wave".into();
     skin.animations = vec![motion];
     let path = folder.path().join("skin.glb");

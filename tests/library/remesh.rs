@@ -63,7 +63,7 @@ fn triangles_are_well_shaped_and_of_one_size() {
         let made = remesh(&mesh, spacing).unwrap();
         let adjacency = Adjacency::new(&made).unwrap();
         let length = mean_edge_length(&made, &adjacency);
-        assert!((length / spacing - 1.0).abs() < 0.03, "{name}: edges of {length} m, not {spacing}");
+        assert!((length / spacing - 1.0).abs() < 0.035, "{name}: edges of {length} m, not {spacing}");
         let angles = angles(&made);
         let hundredth = angles[angles.len() / 100];
         assert!(hundredth > 30.0, "{name}: 1 % of the triangles have angles below {hundredth} degrees");
@@ -236,6 +236,9 @@ fn pin_holes_of_the_new_mesh_are_closed() {
 fn what_is_within_is_left_out() {
     let [outer, within] =
         [(0.1, 0.7), (0.03, 0.1)].map(|(r, l)| shapes::tube(32, 8, r, l)).map(|mesh| sheet(&mesh));
+    // In the middle of the other, out of sight of its ends.
+    let positions = within.positions.iter().map(|p| p + DVec3::Z * 0.3).collect();
+    let within = Sheet { positions, ..within };
     let count = |sheet: &Sheet| sheet.triangles.len();
     let ball = sheet(&shapes::ball(8, 1.0));
     let inverted = Sheet {

@@ -57,7 +57,7 @@ pub(crate) struct Args {
     #[arg(long, value_parser = one_of(&MAGNIFY_OVER), help_heading = "Map")]
     magnify_over: Option<MagnifyOver>,
     /// Widest gap between patches that contacts go on over, as in 20mm; 0: none [default: 3.5 spacings]
-    #[arg(long, value_name = "LENGTH|0", value_parser = length_or_0, help_heading = "Body")]
+    #[arg(long, value_name = "LENGTH|0", value_parser = length_or_0, allow_hyphen_values = true, help_heading = "Body", hide_short_help = true)]
     across: Option<f64>,
     /// Side of a pixel of the images, in mm on the map [default: 1, or larger where that would make
     /// more than 256 pixels a taxel]

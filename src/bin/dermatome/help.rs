@@ -55,9 +55,7 @@ const ENDS: [(&str, &str, &[&str]); 23] = [
     (
         "design",
         "",
-        &[
-            "dermatome design meshes/arm.urdf -o designed --links forearm --module triangle:32.2mm --bend-radius 20mm",
-        ],
+        &["dermatome design meshes/arm.urdf -o d --links forearm --module triangle:32mm --bend-radius 20mm"],
     ),
     (
         "diff",

