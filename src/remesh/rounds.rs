@@ -20,13 +20,6 @@ const DETAIL: f64 = 0.5;
 /// factor: so slivers are halved, not cut near their ends.
 const SHORTER: f64 = 0.7;
 
-/// A needle whose long sides are halved becomes three of half its length: where this makes more than `MANY` times the vertices of
-/// the file and of the taxels together, edges between faces that turn by less than `COPLANAR`, the cosine of a degree, are flipped,
-/// in `FLIPS` passes each time. At 4, no face of a robot is concerned.
-const MANY: f64 = 4.0;
-const COPLANAR: f64 = 0.999_85;
-const FLIPS: usize = 8;
-
 /// Number of rounds, and the largest number while the mean length of the edges is off by more than
 /// [`MAX_LENGTH_ERROR`].
 const ROUNDS: usize = 6;
@@ -233,17 +226,11 @@ impl Rounds<'_> {
 
     fn split_long(&mut self, is_first: bool) {
         let mut limit = self.edges().map(|h| self.length(h)).fold(0.0, f64::max);
-        let area: f64 = self.mesh.face_ids().map(|face| 0.5 * self.cross(face).length()).sum();
-        let taxels = area / (0.75_f64.sqrt() * self.spacing * self.spacing);
-        let most = MANY * (self.positions.len() as f64 + taxels);
         loop {
             limit = (limit * SHORTER).max(LONG * self.target);
             // Halves are at most half as long as the longest edge left.
             let passes = if is_first { usize::MAX } else { MAX_PASSES };
             let _ = (0..passes).try_for_each(|_| self.split_longer(limit, is_first).then_some(()));
-            if is_first && self.positions.len() as f64 > most {
-                (0..FLIPS).for_each(|_| self.flip_edges(Self::opens_flat_angles));
-            }
             if limit <= LONG * self.target {
                 return;
             }
@@ -396,12 +383,6 @@ impl Rounds<'_> {
         let [a, b, c, d] = self.mesh.diamond(h).map(excess);
         let sum = |all: [i32; 4]| all.iter().map(|x| x * x).sum::<i32>();
         sum([a - 1, b - 1, c + 1, d + 1]) < sum([a, b, c, d])
-    }
-
-    /// The same, between faces of one plane.
-    fn opens_flat_angles(&self, h: Halfedge) -> bool {
-        let [n, m] = [h, self.mesh.twin(h)].map(|h| self.cross(h.face()).normalize_or_zero());
-        n.dot(m) > COPLANAR && self.opens_angles(h)
     }
 
     /// Whether a flip enlarges the smallest angle of the two faces.
