@@ -63,7 +63,7 @@ fn triangles_are_well_shaped_and_of_one_size() {
         let made = remesh(&mesh, spacing).unwrap();
         let adjacency = Adjacency::new(&made).unwrap();
         let length = mean_edge_length(&made, &adjacency);
-        assert!((length / spacing - 1.0).abs() < 0.035, "{name}: edges of {length} m, not {spacing}");
+        assert!((length / spacing - 1.0).abs() < 0.03, "{name}: edges of {length} m, not {spacing}");
         let angles = angles(&made);
         let hundredth = angles[angles.len() / 100];
         assert!(hundredth > 30.0, "{name}: 1 % of the triangles have angles below {hundredth} degrees");
@@ -399,18 +399,4 @@ fn solids_that_pierce_each_other_lose_what_is_buried() {
         let highest = draft.sheets[1].positions.iter().map(|p| p.z).fold(0.0, f64::max);
         assert!((highest - 0.02 - out).abs() < 1e-12);
     }
-}
-
-/// A strip of two triangles, 5000 times as long as wide, costs what its taxels cost.
-#[test]
-fn a_thin_strip_has_the_taxels_of_its_area() {
-    let (long, wide, spacing) = (100.0, 0.02, 0.008);
-    let corners = [[0.0, 0.0], [long, 0.0], [long, wide], [0.0, wide]];
-    let positions = corners.map(|[x, y]| DVec3::new(x, y, 0.0)).to_vec();
-    let made = remesh(&TriMesh::from_arrays(positions, &[[0, 1, 2], [0, 2, 3]]), spacing).unwrap();
-    let inner = long * wide / (0.75_f64.sqrt() * spacing * spacing);
-    let rims = long / spacing;
-    let count = made.positions.len() as f64;
-    assert!(count > 0.7 * (inner + rims) && count < 1.5 * (inner + rims), "{count} taxels");
-    assert!((made.area() / (long * wide) - 1.0).abs() < 0.01);
 }
