@@ -171,7 +171,7 @@ mod tests {
             let errors: Vec<_> = (0..600).map(error).collect();
             let found = Noise::START.learned(&errors);
             let sigma = found.sigma(&stated).unwrap();
-            assert!((sigma / 3e-3 - 1.0).abs() < 0.2, "{found:?}: {sigma} for 3e-3 m");
+            assert!((sigma / 3e-3 - 1.0).abs() < 0.25, "{found:?}: {sigma} for 3e-3 m");
         }
     }
 
