@@ -35,7 +35,7 @@ const LAYERS: f64 = 0.5;
 /// assert!(gap_links(&skin, Some(0.009)).is_empty());
 /// ```
 pub fn gap_links(skin: &Skin, across: Option<f64>) -> Vec<[BodyTaxel; 2]> {
-    if skin.patches.len() < 2 || across.is_some_and(|most| !(most > 0.0)) {
+    if skin.patches.len() < 2 || across.is_some_and(|most| most.is_nan() || most <= 0.0) {
         return Vec::new();
     }
     let rest = Rest::new(skin);

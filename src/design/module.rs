@@ -89,7 +89,7 @@ impl Module {
         let at = |p: DVec2| format!("({:.2}, {:.2}) mm", 1e3 * p.x, 1e3 * p.y);
         let corners = &self.outline;
         let count = corners.len();
-        if count < 3 || count > MOST || self.taxels.is_empty() || self.taxels.len() > MOST {
+        if !(3..=MOST).contains(&count) || self.taxels.is_empty() || self.taxels.len() > MOST {
             let found = format!("an outline of {count} corners and {} taxels", self.taxels.len());
             return fail(found, "3 to 4096 corners and 1 to 4096 taxels");
         }

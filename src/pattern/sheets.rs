@@ -62,7 +62,7 @@ pub fn write_sheets(drawing: &Drawing, title: &str, sheet: Sheet) -> Result<Vec<
     let needed = |size: &DVec2| counts(*size).element_product();
     let turned = DVec2::new(size.y, size.x);
     let size = if sheet.can_turn && needed(&turned) < needed(&size) { turned } else { size };
-    if !(needed(&size) <= MOST_SHEETS as f64) {
+    if needed(&size).is_nan() || needed(&size) > MOST_SHEETS as f64 {
         let tenth = |x: f64| (10.0 * x).round() / 10.0;
         return Err(PatternError::TooManySheets {
             size: drawing.size.to_array().map(tenth),

@@ -127,7 +127,7 @@ mod tests {
         for step in 1..8 {
             let mut sheet = Sheet {
                 positions: ball.positions.as_slice().to_vec(),
-                triangles: ball.triangles.iter().map(|t| t.map(|v| v.index() as u32)).collect(),
+                triangles: ball.triangles.iter().map(|t| t.map(|v| v.raw())).collect(),
                 ..Sheet::default()
             };
             assert!(can_divide(&sheet));

@@ -52,29 +52,32 @@ impl Sight {
 
     /// How a point is seen from far away, on the side of its face where it is seen better.
     pub(super) fn view(&self, point: DVec3, normal: DVec3) -> View {
-        let [front, back] = [normal, -normal].map(|normal| self.from_side(point, normal));
+        let [front, back] = [normal, -normal].map(|normal| self.view_of_side(point, normal));
         if front.is_seen || front.free >= back.free { front } else { back }
     }
 
-    fn from_side(&self, point: DVec3, normal: DVec3) -> View {
+    fn view_of_side(&self, point: DVec3, normal: DVec3) -> View {
         let start = point + normal * (RAY_OFFSET * self.size);
         let is_above = |direction: &DVec3| direction.dot(normal) > MIN_COSINE;
-        let all = self.directions.iter().filter(|d| is_above(d)).count();
-        let needed = MIN_FREE_SHARE * all as f64;
-        let (mut free, mut tried) = (0, 0);
+        let all = self.directions.iter().map(|d| u32::from(is_above(d))).sum::<u32>();
+        let needed = MIN_FREE_SHARE * f64::from(all);
+        let (mut free, mut tried) = (0_u32, 0_u32);
         // Stops once enough directions are free, or too few can be.
         for &direction in self.directions.iter().filter(|d| is_above(d)) {
             let ray = Ray::new(start, direction, 2.0 * self.size);
             let is_met = ray.is_some_and(|ray| {
                 self.tree.is_met(&ray, |face| of_triangle(face).map(|v| self.positions[v as usize]))
             });
-            (free, tried) = (free + usize::from(!is_met), tried + 1);
-            let most = (free + all - tried) as f64;
-            if free as f64 >= needed || most < needed {
+            (free, tried) = (free + u32::from(!is_met), tried + 1);
+            let most = f64::from(free + all - tried);
+            if f64::from(free) >= needed || most < needed {
                 break;
             }
         }
-        View { is_seen: all > 0 && free as f64 >= needed, free: free as f64 / f64::from(tried.max(1) as u32) }
+        View {
+            is_seen: all > 0 && f64::from(free) >= needed,
+            free: f64::from(free) / f64::from(tried.max(1)),
+        }
     }
 }
 
