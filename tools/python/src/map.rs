@@ -521,7 +521,13 @@ impl PyMap {
             }
             return pool_body(py, &self.map, values, level, extensive);
         }
-        let level = level.extract::<i64>()?;
+        let level = level.extract::<i64>().map_err(|_| {
+            bad(
+                "level",
+                level,
+                format!("a level from 0 to {}, or the name of one of the body", self.levels() - 1),
+            )
+        })?;
         let level = self::level("level", level, self.levels())?;
         let (threads, pooling) =
             (count("threads", threads)?, Pooling { map: &self.map, level, extensive, contrast });

@@ -339,15 +339,29 @@ impl PySkin {
     /// DataError
     ///     If it is no mesh, several, or has faces of other corners.
     #[staticmethod]
-    #[pyo3(signature = (mesh, **options))]
+    #[pyo3(signature = (mesh, *, normals=None, ids=None, present=None, link=None, patch=None,
+        gap=2.5, weld="auto", repair=false, outside=None, fill_holes=None))]
+    #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
     fn from_mesh<'py>(
+        py: Python<'py>,
         mesh: &Bound<'py, PyAny>,
-        options: Option<&Bound<'py, PyDict>>,
-    ) -> PyResult<Bound<'py, PyAny>> {
-        let py = mesh.py();
-        let (positions, faces): (Bound<'_, PyAny>, Bound<'_, PyAny>) =
+        normals: Option<&Bound<'py, PyAny>>,
+        ids: Option<&Bound<'py, PyAny>>,
+        present: Option<&Bound<'py, PyAny>>,
+        link: Option<&Bound<'py, PyAny>>,
+        patch: Option<&Bound<'py, PyAny>>,
+        gap: f64,
+        weld: &str,
+        repair: bool,
+        outside: Option<Bound<'py, PyAny>>,
+        fill_holes: Option<i64>,
+    ) -> PyResult<Self> {
+        let (positions, faces): (Bound<'_, PyAny>, Option<Bound<'_, PyAny>>) =
             py.import("dermatome._mesh")?.call_method1("arrays_of", (mesh,))?.extract()?;
-        py.get_type::<Self>().call_method("from_arrays", (positions, faces), options)
+        let faces = faces.as_ref();
+        Self::from_arrays(
+            py, &positions, faces, normals, ids, present, link, patch, gap, weld, repair, outside, fill_holes,
+        )
     }
 
     /// Make one skin of several, as the parts of a robot.

@@ -38,7 +38,7 @@ def test_trimesh(dome_map, tube_map, tmp_path):
         flat = adapter.mesh(map, flat=True)
         assert flat.area == pytest.approx(mesh.area, rel=0.02) and (flat.face_normals[:, 2] > 0.99).all()
     ball = trimesh.creation.icosphere(subdivisions=3, radius=0.05)
-    with pytest.raises(dermatome.DataError, match="mesh: found Scene; needed: a Trimesh; scene.to_mesh"):
+    with pytest.raises(dermatome.DataError, match="mesh: found a Scene of several meshes; needed: one; scene.to_mesh"):
         adapter.skin(trimesh.Scene([ball]))
     assert adapter.skin(trimesh.Scene([ball]).to_mesh()).n_taxels == len(ball.vertices)
     skin = adapter.skin(ball, patch="ball")

@@ -1,9 +1,7 @@
 """What every adapter keeps, on one uneven skin: forces, places on maps, times, and who is touched."""
 
 import copy
-import json
 import pickle
-import subprocess
 import sys
 import threading
 import time
@@ -191,23 +189,6 @@ def test_contacts_that_are_not_known_have_no_answer(rough_map):
         index.locate([[np.inf, 0, 0]])
 
 
-def test_copies_of_trackers_are_whole(rough_map):
-    readings, _ = dermatome.touch(rough_map, presses=2, touches=2, radius=0.008)
-    for options in ({"unit": "N", "threshold": 0.001}, {"unit": "N"}, {"unit": "N", "probe": "finger"}):
-        tracker = dermatome.ContactTracker(rough_map, **options)
-        for frame in readings.values[:60, 0]:
-            tracker.track(frame)
-        again = [copy.copy(tracker), copy.deepcopy(tracker)]
-        if "probe" not in options:
-            again.append(pickle.loads(pickle.dumps(tracker)))
-        for frame in readings.values[60:160, 0]:
-            expected = tracker.track(frame)
-            for other in again:
-                assert str(other.track(frame)) == str(expected)
-        assert [other.at_once for other in again] == [tracker.at_once] * len(again)
-        assert tracker.at_once > 0
-
-
 def test_long_calls_release_the_lock(rough_map):
     values = np.ones((40_000, 489))
     by_id = dermatome.build(dermatome.Skin.from_arrays(rough_map.patches["upper arm"].levels[0].positions))
@@ -236,36 +217,6 @@ def test_long_calls_release_the_lock(rough_map):
         other.join()
         pause = max(np.diff(ticks))
         assert pause < max(0.1, took / 2), (name, pause, took)
-
-
-def test_results_are_those_of_the_command(rough_map, tmp_path):
-    def command(*args):
-        said = subprocess.run([sys.executable, "-m", "dermatome", *map(str, args)], capture_output=True, text=True, cwd=tmp_path)
-        assert said.returncode in (0, 1), said.stderr
-        return said.stdout
-
-    rough_map.write(tmp_path / "map.glb")
-    readings = replace(dermatome.touch(rough_map, presses=2, rate=50.0)[0], ids=None)  # Two taxels have one id.
-    readings.write(tmp_path / "touch.npz")
-    command("render", "map.glb", "touch.npz", "-o", "out.npz", "--events", "events.jsonl", "--quiet")
-    lines = [json.loads(line) for line in (tmp_path / "events.jsonl").read_text().splitlines()]
-    detector = dermatome.EventDetector(rough_map, unit="N")
-    events = [event for time, values in zip(readings.timestamps, readings.values[:, 0]) for event in detector.see(time, values)]
-    events += detector.finish()
-    assert {line.pop("schema") for line in lines} == {"dermatome.event/1"} and len(lines) > 2
-    assert [set(line) for line in lines] == [set(event) for event in events]
-    assert [line["taxels"] for line in lines] == [event["taxels"].tolist() for event in events]
-    places = np.array([[0.005 * x, 0.005 * y, 0] for x in range(8) for y in range(8)])
-    for name, moved in (("a.csv", 0.0), ("b.csv", 0.002)):
-        places[:8, 0] -= moved
-        rows = (f"{k + 1},{x},{y},{z},module {k // 8}" for k, (x, y, z) in enumerate(places))
-        (tmp_path / name).write_text("\n".join(["taxel_id,x,y,z,module", *rows]) + "\n")
-    said = json.loads(command("diff", "a.csv", "b.csv", "--json"))["changes"]
-    found = dermatome.diff(tmp_path / "a.csv", tmp_path / "b.csv")
-    assert [change["subject"] for change in found] == ["module"] and len(said) == 1
-    assert {key: value if value is None or isinstance(value, str) else pytest.approx(value) for key, value in said[0].items()} == {
-        key: value.tolist() if isinstance(value, np.ndarray) else value for key, value in found[0].items()
-    }
 
 
 @pytest.mark.parametrize("zero", ["stored", "follow"])

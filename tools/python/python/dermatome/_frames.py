@@ -51,7 +51,7 @@ def from_pandas(make: Any, table: Any, units: Any) -> Readings:
             raise DataError(f"table: found the column {text!r}; needed: ids of taxels; table.drop(columns={[text]}) leaves it out")
         ids.append(int(text))
     # A table without an index of its own counts its rows.
-    times = None if type(index).__name__ == "RangeIndex" else index.to_numpy()
+    times: Any = None if type(index).__name__ == "RangeIndex" else index.to_numpy()
     if getattr(times, "dtype", None) == object:
         raise DataError(f"table: found an index of {type(times[0]).__name__}; needed: times, as numbers in s or dates")
     made: Readings = make(table.to_numpy(dtype=float), ids=np.array(ids), timestamps=times, units=units)

@@ -23,11 +23,11 @@ def arrays_of(mesh: Any) -> tuple[Any, Any]:
         raise DataError(f"mesh: found {kind}; needed: {NEEDED}")
     if hasattr(mesh, "cells_dict"):
         cells = {name: np.asarray(of) for name, of in mesh.cells_dict.items()}
-        faces = [*_split(cells.pop("triangle", None)), *_split(cells.pop("quad", None))]
-        if not faces:
+        parts = [*_split(cells.pop("triangle", None)), *_split(cells.pop("quad", None))]
+        if not parts:
             raise DataError(f"mesh: found cells {sorted(cells)}; needed: triangle or quad")
-        return np.asarray(positions), np.concatenate(faces)
-    faces = _first(mesh, "faces", "triangles")  # `triangles` of trimesh are corners in space.
+        return np.asarray(positions), np.concatenate(parts)
+    faces: Any = _first(mesh, "faces", "triangles")  # `triangles` of trimesh are corners in space.
     if faces is None:
         return np.asarray(positions), None
     faces = np.asarray(faces)

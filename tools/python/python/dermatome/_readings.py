@@ -294,7 +294,7 @@ class Readings:
         >>> palm = dermatome.build(dermatome.Skin.from_arrays([[0.005 * x, 0.005 * y, 0] for y in range(9) for x in range(9)]))
         >>> readings, truth = dermatome.touch(palm, presses=1, rate=50.0)
         >>> len(readings), len(readings.resample(25.0))
-        (100, 50)
+        (75, 38)
         """
         from dermatome._frames import resample
 
