@@ -32,7 +32,7 @@ const LAYERS: f64 = 0.5;
 /// let link = skin.links.ids().next().unwrap();
 /// skin.patches.push(Patch::from_mesh("right", link, right));
 /// assert!(gap_links(&skin, None).len() >= 5);
-/// assert!(gap_links(&skin, Some(0.009)).is_empty());
+/// assert!(gap_links(&skin, Some(0.008)).is_empty());
 /// ```
 pub fn gap_links(skin: &Skin, across: Option<f64>) -> Vec<[BodyTaxel; 2]> {
     if skin.patches.len() < 2 || across.is_some_and(|most| most.is_nan() || most <= 0.0) {
