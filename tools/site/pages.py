@@ -15,7 +15,9 @@ def pages(source: Path, title: str, names: list[str], directive: str) -> str:
     """A page for each of these names of the package, and the list of them with their first sentences."""
     text = f"## {title}\n\n| | |\n|---|---|\n"
     for name in names:
-        members = "   :members:\n" if directive == "autoclass" else ""
+        # The fields of a named tuple are documented by its class.
+        is_tuple = hasattr(getattr(dermatome, name), "_fields")
+        members = "   :members:\n" if directive == "autoclass" and not is_tuple else ""
         body = f"# dermatome.{name}\n\n```{{eval-rst}}\n.. {directive}:: dermatome.{name}\n{members}```\n"
         (source / "api" / f"{name}.md").write_text(body)
         first = (inspect.getdoc(getattr(dermatome, name)) or "").split("\n\n")[0].replace("\n", " ")
