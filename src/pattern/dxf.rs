@@ -13,7 +13,7 @@ use crate::pattern::drawing::{Anchor, Drawing, Layer, Shape, decimal};
 
 /// The drawing as DXF text, in mm.
 ///
-/// Characters beyond ASCII are written as `\U+XXXX`, those beyond 16 bits as `?`.
+/// Characters beyond ASCII are written as `\U+` and four hexadecimal digits, those beyond 16 bits as `?`.
 pub fn write_dxf(drawing: &Drawing) -> String {
     let is_written = |layer: &&Layer| **layer != Layer::Strain && drawing.on(**layer).next().is_some();
     let layers: Vec<Layer> = Layer::VARIANTS.iter().filter(is_written).copied().collect();

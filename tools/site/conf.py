@@ -28,7 +28,7 @@ napoleon_use_rtype = False
 
 
 def _signature(app, what, name, thing, options, signature, returns):
-    """The stub's types are for checkers: readers meet them in the docstring."""
+    """The signature without types, which the docstring has."""
     try:
         return str(inspect.signature(thing)), None
     except (TypeError, ValueError):

@@ -48,7 +48,7 @@ pub struct HeldBack {
 /// 0.71 mm; with one standard error it is 0.80, and always with modules 0.88.
 const LEVEL_ERRORS: f64 = 2.0;
 
-/// Distances count at most as so many medians when levels are compared: wrong touches do not choose.
+/// When levels are compared, a distance counts at most this many medians, so that wrong touches do not decide.
 const MOST_MEDIANS: f64 = 3.0;
 
 /// Distances at one level, or of the drawing.
@@ -120,7 +120,7 @@ impl Touches {
     }
 }
 
-/// The number of an ascending list below which so many tenths are.
+/// The quantile of some numbers, in tenths.
 fn tenths(numbers: &[f64], tenths: usize) -> f64 {
     let rank = numbers.len().saturating_sub(1) * tenths / 10;
     nth_smallest(numbers.to_vec(), rank).unwrap_or(f64::NAN)

@@ -39,7 +39,7 @@ pub(super) struct EventsArgs {
 pub(super) struct Events {
     map: Arc<SkinMap>,
     detector: EventDetector,
-    /// The episode of the frames, where episodes are told apart.
+    /// The episode of the frames, if the recording has several.
     episode: Option<u64>,
     words: Vec<BodyWord>,
     path: OutFile,

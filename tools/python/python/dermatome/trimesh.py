@@ -2,48 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any
 
 from dermatome._adapter import level_of, need
 from dermatome._dermatome import Map, Skin
-from dermatome._errors import DataError
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import ArrayLike
 
 __all__ = ["mesh", "skin"]
 
 
-def skin(
-    mesh: Any,
-    *,
-    normals: ArrayLike | None = None,
-    ids: ArrayLike | None = None,
-    present: ArrayLike | None = None,
-    link: str | Sequence[str] | None = None,
-    patch: str | Sequence[str] | None = None,
-    gap: float = 2.5,
-    weld: Literal["auto", "all", "none", "texture"] = "auto",
-    repair: bool = False,
-    outside: ArrayLike | None = None,
-    fill_holes: int | None = None,
-) -> Skin:
-    """A skin of a `trimesh.Trimesh`, in m; the options are those of `Skin.from_arrays`."""
-    return Skin.from_mesh(
-        mesh,
-        normals=normals,
-        ids=ids,
-        present=present,
-        link=link,
-        patch=patch,
-        gap=gap,
-        weld=weld,
-        repair=repair,
-        outside=outside,
-        fill_holes=fill_holes,
-    )
+# A skin of a `trimesh.Trimesh`, in m.
+skin = Skin.from_mesh
 
 
 def mesh(map: Map, *, patch: str | None = None, level: int = 0, flat: bool = False) -> Any:
