@@ -223,7 +223,8 @@ mod tests {
     }
 
     /// Values of options that have no list of words and no default, by the name of their value.
-    const SOUND: [(&str, &str); 38] = [
+    const SOUND: [(&str, &str); 40] = [
+        ("A4|A3|W,H", "A3"),
         ("AZIMUTH,ELEVATION", "-65,-45"),
         ("D", "5"),
         ("DEG", "10"),
@@ -238,6 +239,7 @@ mod tests {
         ("KPA", "5"),
         ("KPA,...", "5,20"),
         ("L.json|tnc|tcn", "tcn"),
+        ("LENGTH|0", "20mm"),
         ("LENGTH|NAME=LENGTH,...", "hand=2mm,5mm"),
         ("LOW,HIGH", "0,1"),
         ("MB", "50"),
