@@ -16,7 +16,7 @@ use crate::touches::TouchesError;
 use crate::touches::fit::{Estimate, GainPrior, HUBER, Noise, Residual, Taxel};
 use crate::touches::gather::{Sample, Samples};
 
-/// Most steps, and the rms step of positions in m at which it ends.
+/// The rms step of positions in m at which it ends.
 const SMALL_STEP: f64 = 1e-6;
 
 /// Additional weight on the diagonal where the system needs it, over that of the readings.

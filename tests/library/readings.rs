@@ -232,6 +232,26 @@ fn arrays_of_both_layouts_give_the_numbers_that_were_put_in() {
     }
 }
 
+/// An array called `units` that is no list of texts says nothing about the readings.
+#[test]
+fn units_that_are_no_list_are_passed_over() {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("a.npz");
+    let strange = [
+        npy_ordered("<U3", &[0, 2], &[], "True"),
+        npy_ordered("<U1", &[2, 2], &unicode(&["N", "N", "N", "N"], 1), "True"),
+        npy("<U1", &[1 << 32, 1 << 32], &[]),
+        npy("|O", &[1], &[0; 8]),
+        npy("<U1", &[0], &[]),
+    ];
+    for units in strange {
+        let arrays = [("values", npy("<f4", &[2, 3], &[0; 24])), ("units", units)];
+        std::fs::write(&path, npz(&arrays, false)).unwrap();
+        let draft = ReadingsReader::draft_layout(&path, None).unwrap();
+        assert!(!draft.contains("\"N\""), "{draft}");
+    }
+}
+
 /// The elements of a C array of this shape in Fortran order.
 fn first_index_fastest(shape: &[usize], elements: &[f64]) -> Vec<f64> {
     let count: usize = shape.iter().product();

@@ -204,7 +204,8 @@ impl Layout {
             let found = format!("cell {} of taxel {} again", pair[0].0, pair[0].1);
             return Err(invalid(&path, "rows", found, "one row for each cell of a taxel"));
         }
-        if let Some(cell) = no_taxels.iter().find(|cell| pairs.iter().any(|pair| pair.0 == **cell)) {
+        let has_taxel = |cell: usize| pairs.binary_search_by_key(&cell, |pair| pair.0).is_ok();
+        if let Some(cell) = no_taxels.iter().find(|cell| has_taxel(**cell)) {
             let found = format!("cell {cell} with a taxel and without one");
             return Err(invalid(&path, "rows", found, "rows with a `taxel_id`, or one row without"));
         }

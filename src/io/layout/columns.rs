@@ -84,10 +84,12 @@ impl Layout {
             return Err(table.columns.at().invalid_part(part, name, format!("one of {}", known.join(","))));
         }
         let (id, component) = (table.columns.need("taxel_id")?, table.columns.find("component"));
+        // Of two columns of one name, the first.
+        let places: HashMap<&str, usize> = names.iter().enumerate().rev().map(|(k, name)| (&**name, k)).collect();
         let mut given = vec![None; names.len()];
         let mut seen = vec![false; names.len()];
         table.each_row(&mut |row| {
-            let Some(k) = names.iter().position(|known| *known == row.text(name)) else {
+            let Some(&k) = places.get(row.text(name)) else {
                 return Err(row.invalid(name, format!("a column of {}: {}", file.display(), listed(names))));
             };
             if std::mem::replace(&mut seen[k], true) {

@@ -164,7 +164,7 @@ impl Layout {
         Ok(())
     }
 
-    /// The stream that it is of, if it names one: a name, or a pattern with `*`.
+    /// The stream that it is of, if it names one.
     pub fn stream(&self) -> Option<&str> {
         self.stream.as_deref()
     }

@@ -1,5 +1,5 @@
-//! Skins and flat meshes in all formats: [`read_draft`](crate::io::read_draft) and [`write_skin`] list them
-//! extension is read and written, and what each format keeps.
+//! Skins and flat meshes in all formats: [`read_draft`](crate::io::read_draft) and [`write_skin`] list what
+//! each extension is read and written as, and what each format keeps.
 
 #[cfg(feature = "robots")]
 mod dae;

@@ -97,10 +97,15 @@ pub(super) fn open(path: &Path, wanted: Wanted<'_>) -> Result<OpenStream, IoErro
     if let Some(name) = wanted.layout.and_then(Layout::zero_stream) {
         facts.zero = named(name).map(|array| read_zero(path, array, &facts.cells)).transpose()?;
     }
-    if let Some(units) = named("units").filter(|units| !units.header.elements.is_number()) {
-        facts.units =
-            ArrayRows::open(path, units, units.header.shape.iter().product::<u64>().min(64) as usize)?
-                .texts(path)?;
+    let units = named("units").filter(|units| {
+        let elements = units.header.elements;
+        elements.is_read() && !elements.is_number()
+    });
+    if let Some(units) = units
+        && let [count] = units.header.shape[..]
+        && count > 0
+    {
+        facts.units = ArrayRows::open(path, units, count.min(64) as usize)?.texts(path)?;
     }
     if let Some(ids) = named("ids").or_else(|| named("taxel_ids")) {
         // Those of another array, as of another sensor, are not of these cells.

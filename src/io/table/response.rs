@@ -30,9 +30,11 @@ pub fn read_response(path: &Path) -> Result<(Response, Vec<String>)> {
     let source = Source::open(path)?;
     let mut response = Response::default();
     for (at, line) in source.lines()? {
-        let Some((key, value)) = line.trim().strip_prefix('#').and_then(|fact| fact.split_once(':')) else {
-            continue;
-        };
+        let line = line.trim_start_matches('\u{feff}').trim();
+        if !line.is_empty() && !line.starts_with('#') {
+            break;
+        }
+        let Some((key, value)) = line.trim_start_matches('#').split_once(':') else { continue };
         let value = value.trim();
         match key.trim() {
             "unit" => value.clone_into(&mut response.unit),

@@ -75,10 +75,11 @@ pub(crate) fn plain(name: &str) -> String {
     harmless(name, LONGEST_NAME)
 }
 
-/// Whether a terminal only shows a character: it is no control and does not turn the direction of
-/// writing.
+/// Whether a terminal only shows a character: it is no control, begins no line and does not turn the
+/// direction of writing.
 pub(crate) fn is_harmless(c: char) -> bool {
-    !c.is_control() && !('\u{200e}'..='\u{202e}').contains(&c) && !('\u{2066}'..='\u{2069}').contains(&c)
+    let turns = ['\u{200e}'..='\u{200f}', '\u{2028}'..='\u{202e}', '\u{2066}'..='\u{2069}'];
+    !c.is_control() && !turns.iter().any(|range| range.contains(&c))
 }
 
 /// What errors call standard output.

@@ -271,7 +271,6 @@ pub(crate) fn read_draft_of(path: &Path, read: &ReadArgs, materials: bool) -> an
     })
 }
 
-/// The map of a file, if it has one; otherwise it may be a skin.
 /// The gaps of a skin with the names of their patches: those that a map has links over, or `build` would find.
 pub(crate) fn gaps_of(map: Option<&SkinMap>, skin: &Skin) -> Vec<([String; 2], Gap)> {
     let gaps = match map {
@@ -288,6 +287,7 @@ pub(crate) fn gaps_as_json(gaps: &[([String; 2], Gap)]) -> Value {
     gaps.iter().map(object).collect()
 }
 
+/// The map of a file, if it has one; otherwise it may be a skin.
 pub(crate) fn read_map_if_any(path: &Path) -> Result<Option<SkinMap>, Error> {
     if !is_gltf(path) {
         return Ok(None);

@@ -269,14 +269,14 @@ impl<'a> Output<'a> {
 }
 
 /// How the files of an image begin: `palm.L0` for `palm/L0`, as in `palm.L0.000123.exr` for frame 123. What
-/// file systems do not allow in a name is written as `%` and two hexadecimal digits.
+/// file systems do not allow in a name is written as `%` and two hexadecimal digits for each byte.
 fn series_name(image: &str) -> String {
     let mut name = String::new();
     let image =
         image.rsplit_once('/').map_or_else(|| image.to_owned(), |(patch, level)| format!("{patch}.{level}"));
     for c in image.chars() {
         if !is_harmless(c) || r#"/\:*?"<>|%"#.contains(c) {
-            name += &format!("%{:02X}", u32::from(c));
+            name.extend(c.encode_utf8(&mut [0; 4]).bytes().map(|byte| format!("%{byte:02X}")));
         } else {
             name.push(c);
         }
@@ -292,7 +292,8 @@ mod tests {
     fn names_of_files_are_allowed_everywhere() {
         assert_eq!(series_name("palm/L0"), "palm.L0");
         assert_eq!(series_name("L2"), "L2");
-        assert_eq!(series_name("a\u{202e}\u{9b}/L0"), "a%202E%9B.L0");
+        assert_eq!(series_name("hand\u{2013}left/L0"), "hand\u{2013}left.L0");
+        assert_eq!(series_name("a\u{202e}\u{9b}/L0"), "a%E2%80%AE%C2%9B.L0");
         assert_eq!(series_name("../a b/c%\u{e9}/L1"), "..%2Fa b%2Fc%25\u{e9}.L1");
     }
 }
