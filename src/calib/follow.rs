@@ -173,19 +173,10 @@ impl Follower {
         let all = &self.stream.observations;
         let mut order: Vec<VertexId> = all.taxels.ids().collect();
         order.sort_unstable_by_key(|&v| all.taxels[v].id);
-        let mut place = IdVec::<VertexId, VertexId>::filled(VertexId::default(), order.len());
         let mut sorted = Observations { model: all.model, ..Observations::default() };
-        for &v in &order {
-            place[v] = sorted.taxels.push(all.taxels[v]);
-        }
-        for edge in &all.edges {
-            let (from, to) = (place[edge.from], place[edge.to]);
-            sorted.edges.push(crate::calib::Displacement { from, to, ..edge.clone() });
-        }
-        for contact in &all.contacts {
-            let taxel = place[contact.taxel];
-            sorted.contacts.push(crate::calib::ContactObservation { taxel, ..contact.clone() });
-        }
+        let mut vertices =
+            order.iter().map(|&v| (all.taxels[v].id, sorted.taxels.push(all.taxels[v]))).collect();
+        sorted.append(all, &mut vertices);
         let found = calibrate_with(&sorted, &self.options, run)?;
         Ok((sorted, found))
     }

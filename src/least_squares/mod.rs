@@ -321,7 +321,8 @@ impl Damping {
             }
             self.now = (self.growth * self.now).max(options.first_damping);
             self.growth *= 2.0;
-            if self.now > options.largest_damping {
+            // Not a number is no damping either.
+            if !(options.first_damping > 0.0 && self.now <= options.largest_damping) {
                 return Ok(None);
             }
         }

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use crate::id::{FaceId, IdVec, VertexId};
-use crate::mesh::error::too_many;
+use crate::mesh::error::{is_within_reach, too_many};
 use crate::mesh::{MeshError, triangle_cross};
 use crate::parallel::par_ids;
 
@@ -37,7 +37,7 @@ impl TriMesh {
             return Err(error);
         }
         for (vertex, p) in self.positions.enumerate() {
-            if !p.is_finite() {
+            if !is_within_reach(*p) {
                 return Err(MeshError::NotFinite { vertex, position: p.to_array() });
             }
         }

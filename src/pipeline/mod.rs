@@ -45,7 +45,6 @@ use crate::flatten::{Boundary, patch_scales};
 use crate::id::{IdVec, VertexId};
 use crate::io::{IoError, Outputs, read_draft, write_images, write_map};
 use crate::map::{PatchMap, SkinMap};
-use crate::mesh::{MeshError, is_within_reach};
 use crate::pipeline::attempts::{SAME, attempts, energy, is_better, keep_held};
 use crate::pipeline::coarsened::{Coarsened, Flattened};
 use crate::pipeline::cut_open::{cut_open, stays_whole};
@@ -53,7 +52,7 @@ use crate::pipeline::options::Numbers;
 pub use crate::pipeline::options::{BuildOptions, MagnifyOver};
 use crate::pyramid::{CoarsenOptions, coarsen};
 use crate::run::{Progress, Run, Stage};
-use crate::skin::{AssembleOptions, Patch, PatchId, Skin, SkinError, assemble, named_links, world_pose};
+use crate::skin::{AssembleOptions, Patch, PatchId, Skin, assemble, named_links, world_pose};
 
 /// Default side of a pixel, in m.
 const PIXEL: f64 = 1e-3;
@@ -127,13 +126,6 @@ fn build_for(skin: &Skin, options: &BuildOptions, numbers: Numbers, run: Run<'_>
     skin.validate()?;
     let without = skin.without_even_acuities();
     let skin = without.as_ref().unwrap_or(skin);
-    // Files and searches refuse more, so it is checked before the work.
-    for patch in &skin.patches {
-        if let Some((vertex, p)) = patch.mesh.positions.enumerate().find(|(_, p)| !is_within_reach(**p)) {
-            let source = MeshError::NotFinite { vertex, position: p.to_array() };
-            return Err(SkinError::Mesh { patch: patch.name.clone(), source }.into());
-        }
-    }
     if let Some(side) = options.pixel {
         check_pixel(side, skin.patches.iter().map(|patch| &patch.mesh))?;
     }

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use glam::{DAffine3, DVec2, DVec3};
 
 use crate::id::{FaceId, IdVec, VertexId};
-use crate::mesh::{MeshError, too_many};
+use crate::mesh::{MeshError, is_within_reach, too_many};
 use crate::skin::columns::columns;
 use crate::skin::link::append_links;
 use crate::skin::motion::moved_links;
@@ -200,7 +200,7 @@ impl Sheet {
         if let Some(error) = too_many(needed, self.triangles.len()) {
             return refuse(error);
         }
-        if let Some(v) = self.positions.iter().position(|p| !p.is_finite()) {
+        if let Some(v) = self.positions.iter().position(|p| !is_within_reach(*p)) {
             let position = self.positions[v].to_array();
             return refuse(MeshError::NotFinite { vertex: VertexId::new(v), position });
         }

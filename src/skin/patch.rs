@@ -8,6 +8,7 @@ use crate::id::{IdVec, define_id};
 use crate::mesh::{Adjacency, TriMesh, is_rigid, is_within_reach};
 use crate::skin::link::{append_links, before_parents};
 use crate::skin::motion::moved_links;
+use crate::skin::names::Names;
 use crate::skin::{Link, LinkId, Motion, Remark, RemarkKind, SkinError, TaxelError, Taxels, world_pose};
 
 define_id!(
@@ -115,7 +116,11 @@ impl Skin {
             &other.links,
             [&self.animations, &other.animations].map(|all| moved_links(all)),
         );
-        let mut taken: HashSet<String> = self.patches.iter().map(|patch| patch.name.clone()).collect();
+        let all = self.patches.iter().chain(&other.patches);
+        let mut names = Names::new(all.map(|patch| &*patch.name));
+        for patch in &self.patches {
+            names.next(&patch.name);
+        }
         let mut remarks = Vec::new();
         for mut patch in other.patches.iter().cloned() {
             patch.link = links[patch.link];
@@ -125,11 +130,8 @@ impl Skin {
             for (link, _) in &mut patch.taxels.binds {
                 *link = links.get(*link).copied().unwrap_or(*link);
             }
-            if !taken.insert(patch.name.clone()) {
-                let free =
-                    |name: &String| !taken.contains(name) && other.patches.iter().all(|p| p.name != *name);
-                let name = (1..).map(|k| format!("{}.{k}", patch.name)).find(free).unwrap_or_default();
-                taken.insert(name.clone());
+            let name = names.next(&patch.name);
+            if name != patch.name {
                 let kind = RemarkKind::Renamed { name: name.clone() };
                 remarks.push(Remark { patch: std::mem::replace(&mut patch.name, name), kind });
             }

@@ -1,12 +1,12 @@
 //! Drawings as files and skins have them: which module and which patch carries each taxel.
 
-use std::collections::{BTreeMap, HashMap, HashSet};
+use std::collections::{HashMap, HashSet};
 
 use super::cad::{CadSkin, ModuleId, NamedTaxel};
 use super::result::{BodyCalibration, CalibratedTaxel};
 use crate::calib::CalibError;
 use crate::skin::sentence::first_few;
-use crate::skin::{AssembleOptions, Draft, Sheet, Skin, TaxelId, assemble};
+use crate::skin::{AssembleOptions, Draft, Names, Sheet, Skin, TaxelId, assemble};
 
 /// The name of the module of each taxel, by its id.
 pub type ModuleNames = HashMap<TaxelId, String>;
@@ -32,7 +32,8 @@ impl CadSkin {
         if draft.sheets.iter().any(|sheet| sheet.link != first) {
             return Err(CalibError::CadOnSeveralLinks);
         }
-        let patches = patch_names(&draft.sheets);
+        let mut names = Names::new(draft.sheets.iter().map(Sheet::title));
+        let patches: Vec<String> = draft.sheets.iter().map(|sheet| names.next(sheet.title())).collect();
         let modules = Modules::find(draft, modules)?;
         let mut taxels = Vec::new();
         for (sheet, patch) in draft.sheets.iter().zip(&patches) {
@@ -132,18 +133,6 @@ impl BodyCalibration {
             patch.taxels.covariances = Some(taxels.map(|taxel| taxel.map(|t| t.covariance)));
         }
     }
-}
-
-/// A name for each sheet, no two alike.
-fn patch_names(sheets: &[Sheet]) -> Vec<String> {
-    let mut seen = BTreeMap::new();
-    let name = |sheet: &Sheet| {
-        let name = if sheet.name.is_empty() { "skin" } else { &sheet.name };
-        let count = seen.entry(name.to_owned()).or_insert(0);
-        *count += 1;
-        if *count == 1 { name.to_owned() } else { format!("{name}#{count}") }
-    };
-    sheets.iter().map(name).collect()
 }
 
 impl<'m> Modules<'m> {

@@ -85,7 +85,8 @@ impl Layout {
         }
         let (id, component) = (table.columns.need("taxel_id")?, table.columns.find("component"));
         // Of two columns of one name, the first.
-        let places: HashMap<&str, usize> = names.iter().enumerate().rev().map(|(k, name)| (&**name, k)).collect();
+        let places: HashMap<&str, usize> =
+            names.iter().enumerate().rev().map(|(k, name)| (&**name, k)).collect();
         let mut given = vec![None; names.len()];
         let mut seen = vec![false; names.len()];
         table.each_row(&mut |row| {

@@ -7,8 +7,6 @@ mod components;
 mod patch;
 pub(in crate::skin) mod zero_area;
 
-use std::collections::{HashMap, HashSet};
-
 use glam::{DAffine3, DVec3};
 
 use crate::mesh::FillHoles;
@@ -17,7 +15,7 @@ use crate::skin::assemble::patch::patch_of;
 use crate::skin::triangulate::triangulate_taxels;
 use crate::skin::weld::{Weld, WeldOptions};
 use crate::skin::{
-    Draft, Link, LinkId, Patch, Remark, RemarkKind, Sheet, Skin, SkinError, TaxelId, check_links,
+    Draft, Link, LinkId, Names, Patch, Remark, RemarkKind, Sheet, Skin, SkinError, TaxelId, check_links,
 };
 
 /// How a draft is assembled.
@@ -174,7 +172,7 @@ impl Assembly {
             },
             remarks,
             errors: Vec::new(),
-            names: Names::new(&draft.sheets),
+            names: Names::new(draft.sheets.iter().map(Sheet::title)),
             next_id: largest.map_or(1, |id| id.0 + 1),
             origin: None,
         }
@@ -227,37 +225,5 @@ fn renamed(sheet: &Sheet, patches: &[Patch]) -> Option<RemarkKind> {
         [patch] => Some(RemarkKind::Renamed { name: patch.name.clone() }),
         [] => None,
         _ => Some(RemarkKind::Components { patches: patches.iter().map(|p| p.name.clone()).collect() }),
-    }
-}
-
-/// Gives every patch a unique name.
-#[derive(Debug)]
-struct Names {
-    /// Names of sheets, which components of other sheets must not get.
-    of_sheets: HashSet<String>,
-    taken: HashSet<String>,
-    /// The last number given to a component, by the name of its sheet.
-    last: HashMap<String, usize>,
-}
-
-impl Names {
-    fn new(sheets: &[Sheet]) -> Self {
-        let of_sheets = sheets.iter().map(|s| s.title().to_owned()).collect();
-        Self { of_sheets, taken: HashSet::new(), last: HashMap::new() }
-    }
-
-    /// The next free name of `name`, `name.1`, `name.2`, ...
-    fn next(&mut self, name: &str) -> String {
-        if self.taken.insert(name.to_owned()) {
-            return name.to_owned();
-        }
-        let last = self.last.entry(name.to_owned()).or_insert(0);
-        loop {
-            *last += 1;
-            let numbered = format!("{name}.{last}");
-            if !self.of_sheets.contains(&numbered) && self.taken.insert(numbered.clone()) {
-                return numbered;
-            }
-        }
     }
 }

@@ -3,6 +3,7 @@
 use std::collections::{HashMap, HashSet};
 
 use crate::id::{FaceId, IdVec, VertexId};
+use crate::mesh::is_within_reach;
 use crate::skin::check::FindingKind;
 use crate::skin::check::finding::{Report, Subject};
 use crate::skin::normals::is_unit;
@@ -11,7 +12,7 @@ use crate::skin::{Presence, Sheet, TaxelId, in_tangent_plane};
 
 /// Reports positions and corners that are not valid; returns which faces have neither.
 pub(super) fn usable_faces(sheet: &Sheet, report: &mut Report<'_>) -> IdVec<FaceId, bool> {
-    let finite: Vec<bool> = sheet.positions.iter().map(|p| p.is_finite()).collect();
+    let finite: Vec<bool> = sheet.positions.iter().map(|p| is_within_reach(*p)).collect();
     let not_finite = (0..finite.len()).filter(|&v| !finite[v]).map(VertexId::new);
     report.add_vertices(FindingKind::NotFinite, not_finite);
     let vertices = sheet.positions.len();
