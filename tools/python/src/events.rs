@@ -20,6 +20,7 @@ use pyo3::{
 use crate::{
     arrays::{bad_shape, floats, vector},
     errors::{bad, error},
+    jobs::run,
     map::PyMap,
     options::{count, probe},
 };
@@ -317,7 +318,7 @@ pub(crate) fn diff<'py>(
 ) -> PyResult<Bound<'py, PyList>> {
     let given: Option<Vec<_>> =
         modules.map(|modules| modules.into_iter().map(|(id, name)| (TaxelId(id), name)).collect());
-    let found = py.detach(|| {
+    let found = run(py, 0, move |_| {
         let modules = |path| match &given {
             Some(modules) => Ok(modules.clone()),
             None => modules_of_skin(path).map(Option::unwrap_or_default),
@@ -326,7 +327,7 @@ pub(crate) fn diff<'py>(
         let options = DiffOptions { modules, sigma, ..DiffOptions::default() };
         let [before, after] = [&before, &after].map(|path| read_draft(path));
         dermatome::diff::diff(&before?, &after?, &options).map_err(dermatome::Error::from)
-    });
+    })?;
     let all = PyList::empty(py);
     for Change {
         kind, subject, name, other, link, patch, taxels, others, distance, angle, sigmas, p, ..

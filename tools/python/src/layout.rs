@@ -345,16 +345,17 @@ impl PyDecoder {
                 times.call_method1("astype", (format!("{word}[ns]"),))?.call_method1("astype", ("i8",))?;
             kind = "i".into();
             if let Some(nanoseconds) = self.nanoseconds() {
-                // From the first one on, so that no digit is lost.
+                let times = integers("times", &times)?;
+                let times = times.as_slice()?;
+                // From the first one on, so that no digit is lost. Python does not run while this is locked.
                 let mut first = self.first.lock().unwrap_or_else(PoisonError::into_inner);
                 let begins = first.as_ref().is_none_or(|(of, _)| *of != episode);
-                if begins && times.len()? > 0 {
-                    *first = Some((episode, times.get_item(0)?.extract()?));
+                if let Some(time) = times.first().filter(|_| begins) {
+                    *first = Some((episode, *time));
                 }
                 let begin = first.as_ref().map_or(0, |(_, begin)| *begin);
-                times =
-                    times.call_method1("__sub__", (begin,))?.call_method1("__truediv__", (nanoseconds,))?;
-                kind = "f".into();
+                let since = |time: &i64| time.wrapping_sub(begin) as f64 / nanoseconds;
+                return Ok(FileTimes::Real(times.iter().map(since).collect()));
             }
         }
         Ok(match kind.as_str() {

@@ -173,7 +173,7 @@ impl PyContactTracker {
         state.set_item("contacts", contacts)?;
         state.set_item("next", next)?;
         let TrackerOptions {
-            probe: _,
+            probe,
             channel: _,
             threshold,
             low,
@@ -187,6 +187,7 @@ impl PyContactTracker {
         } = self.options;
         let options = PyDict::new(py);
         options.set_item("unit", &self.unit)?;
+        options.set_item("probe", if probe == Probe::Foot { "foot" } else { "any" })?;
         options.set_item("threshold", threshold)?;
         options.set_item("low", low)?;
         options.set_item("least", least)?;

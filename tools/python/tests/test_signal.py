@@ -238,8 +238,10 @@ def test_changes_between_two_files_are_listed(tmp_path):
 
 @pytest.mark.parametrize("threshold", [None, 0.5])
 @pytest.mark.parametrize("lasting", [1, 3])
-def test_a_copied_tracker_goes_on(dome_map, threshold, lasting):
-    rng, options = np.random.default_rng(6), {"threshold": threshold, "lasting": lasting, "noise_frames": 4, "unit": "N"}
+@pytest.mark.parametrize("probe", ["any", "foot"])
+def test_a_copied_tracker_goes_on(dome_map, threshold, lasting, probe):
+    rng = np.random.default_rng(6)
+    options = {"threshold": threshold, "lasting": lasting, "noise_frames": 4, "unit": "N", "probe": probe}
     frames = rng.normal(0.1, 0.01, (30, 256))
     for frame in range(6, 27):
         frames[frame, [100 + frame // 4, 101 + frame // 4, 116 + frame // 4]] += 5
