@@ -88,7 +88,8 @@ fn row(k: u32) -> LookupRow<'static> {
     let (presence, live_taxel) = (Presence::Present, Some(cell.taxel));
     let (patch, link, normal) = ("upper_arm/left", "upper_arm", position);
     let place = LookupPlace { patch, link, region: None, cell, presence, live_taxel, position, normal };
-    LookupRow { contact: k.into(), level, distance: x * 1e-3, frame: "world", place: Some(place), extra: &[] }
+    let (contact, distance, place) = (k.into(), x * 1e-3, Some(place));
+    LookupRow { contact, level, is_of_body: false, distance, frame: "world", place, extra: &[] }
 }
 
 criterion_group!(benches, files, tables);

@@ -10,7 +10,9 @@
 //! Of 1000 simulated presses of a ball of 40 mm on the gaps of a forearm of two half shells 694 were one contact without
 //! links, 990 with them. At 2.5 spacings gaps of 16.5 mm between taxels 7 mm apart have no links; at 5 spacings nothing
 //! changes. A rule by rims finds few links of links of CAD, whose surfaces are closed.
-//! Rims of one patch that face each other have no links: the fingers of a hand of one sheet would be joined.
+//! Rims of one patch that face each other have no links: the fingers of a hand of one sheet would be joined. Width, normals
+//! and the way on the sheet do not tell a slit from two fingers: at most one spacing wide, with normals within 18 degrees and a
+//! way of eight widths, fingers of taxels 8 mm apart are joined and half of the taxels along a slit of 5 mm are not.
 //!
 //! Above the coarsest fields of the patches lies a pyramid of fields of the whole body ([`body_levels`]), to one field:
 //! body level 0 is the finest. These levels have fields, but neither a mesh nor a map. *Centres* are chosen as those of
@@ -40,6 +42,7 @@ pub use levels::body_levels;
 pub(crate) use levels::{is_valid, shrinks};
 pub use links::gap_links;
 pub use rows::BodyRows;
+pub(crate) use rows::field_areas;
 
 /// A taxel of a body.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
@@ -57,6 +60,15 @@ pub struct Body {
     pub links: Vec<[BodyTaxel; 2]>,
     /// The levels of the whole body, finest first; none of one patch.
     pub levels: IdVec<LevelId, BodyLevel>,
+}
+
+impl Body {
+    /// The number of a level of the whole body that is called `body.L0`, `body.L1` and so on, whether there is one or not.
+    pub fn number_of(name: &str) -> Option<LevelId> {
+        let digits =
+            name.strip_prefix("body.L").filter(|digits| digits.bytes().all(|c| c.is_ascii_digit()))?;
+        digits.parse::<u32>().ok().map(LevelId::from)
+    }
 }
 
 /// A level of the whole body: fields without mesh and map.

@@ -42,6 +42,18 @@ impl BodyRows {
     }
 }
 
+/// The areas of the fields of a level, from rows of the taxels of each patch and their areas.
+pub(crate) fn field_areas<'a>(
+    rows: &IdVec<PatchId, Prolongation>,
+    areas: impl Iterator<Item = &'a IdVec<VertexId, f64>>,
+) -> IdVec<VertexId, f64> {
+    let mut sums = IdVec::filled(0.0, rows.iter().next().map_or(0, |rows| rows.coarse_len));
+    for (rows, areas) in rows.iter().zip(areas) {
+        sums.iter_mut().zip(&rows.restrict(areas)).for_each(|(sum, area)| *sum += area);
+    }
+    sums
+}
+
 /// The rows of `fine` through those of `coarse`.
 fn product(fine: &Prolongation, coarse: &Prolongation) -> Prolongation {
     let (mut indices, mut weights) = (IdVec::default(), IdVec::default());

@@ -6,7 +6,7 @@ use glam::DVec2;
 
 use crate::id::{IdVec, VertexId, define_id};
 use crate::map::{MapError, PatchMap, SkinMap};
-use crate::pyramid::LevelId;
+use crate::pyramid::{LevelId, Prolongation};
 use crate::skin::{PatchId, RegionName, is_region_name, region_names};
 
 define_id!(
@@ -44,9 +44,28 @@ impl Regions {
         let of_taxels = &self.of_taxels[id];
         let level = &patch.levels[level].level;
         let Some(rows) = &level.to_finest else { return of_taxels.clone() };
-        let mut sums: IdVec<VertexId, Vec<(Option<RegionId>, f64)>> =
-            IdVec::filled(Vec::new(), level.mesh.positions.len());
-        for (taxel, region) in of_taxels.enumerate() {
+        largest([(of_taxels, rows)], level.mesh.positions.len())
+    }
+
+    /// The region of each field of a level of the whole body, as of [those of a patch](Self::of_level); `rows` are
+    /// [those of its taxels](crate::body::BodyRows).
+    ///
+    /// # Panics
+    /// If the rows are of another map.
+    pub fn of_body_level(&self, rows: &IdVec<PatchId, Prolongation>) -> IdVec<VertexId, Option<RegionId>> {
+        let count = rows.iter().next().map_or(0, |rows| rows.coarse_len);
+        largest(self.of_taxels.iter().zip(rows), count)
+    }
+}
+
+/// The region with the largest sum of weights in each of `count` fields, of taxels with these regions and rows.
+fn largest<'a>(
+    taxels: impl IntoIterator<Item = (&'a IdVec<VertexId, Option<RegionId>>, &'a Prolongation)>,
+    count: usize,
+) -> IdVec<VertexId, Option<RegionId>> {
+    let mut sums: IdVec<VertexId, Vec<(Option<RegionId>, f64)>> = IdVec::filled(Vec::new(), count);
+    for (regions, rows) in taxels {
+        for (taxel, region) in regions.enumerate() {
             for (field, weight) in rows.row(taxel) {
                 match sums[field].iter_mut().find(|(known, _)| known == region) {
                     Some((_, sum)) => *sum += weight,
@@ -54,16 +73,16 @@ impl Regions {
                 }
             }
         }
-        sums.map(|sums| {
-            let mut largest = (None, 0.0);
-            for &(region, sum) in sums {
-                if sum > largest.1 {
-                    largest = (region, sum);
-                }
-            }
-            largest.0
-        })
     }
+    sums.map(|sums| {
+        let mut largest = (None, 0.0);
+        for &(region, sum) in sums {
+            if sum > largest.1 {
+                largest = (region, sum);
+            }
+        }
+        largest.0
+    })
 }
 
 /// The named region of every receptive field of a map.

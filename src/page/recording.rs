@@ -3,7 +3,8 @@
 use base64::{Engine, engine::general_purpose::STANDARD};
 use serde::Serialize;
 
-use crate::id::IdVec;
+use crate::body::BodyTaxel;
+use crate::id::{IdVec, VertexId};
 use crate::map::SkinMap;
 use crate::numeric::narrow;
 use crate::page::events::{EventRecorder, EventRow};
@@ -27,6 +28,7 @@ pub(super) struct Recorder<'m> {
     cuts: Vec<usize>,
     totals: Vec<f64>,
     contacts: Vec<ContactRow>,
+    parts: Vec<PartRow>,
     events: EventRecorder,
     /// Readings of each patch, taxel after taxel, frame after frame.
     values: IdVec<PatchId, Vec<f32>>,
@@ -49,6 +51,8 @@ pub(super) struct RecordingHeader {
     /// Array of each patch, frame after frame: 0 where nothing is known, 1 to 255 from `lo` to `hi`.
     values: Vec<usize>,
     contacts: Vec<ContactRow>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    parts: Vec<PartRow>,
     /// None of a live page, which gets them as they end, and where frames have no times.
     events: Vec<EventRow>,
     threshold: Option<f64>,
@@ -58,6 +62,9 @@ pub(super) struct RecordingHeader {
 
 /// Frame, track, event, patch, taxels, area, force, u, v, and the taxel of the largest reading.
 type ContactRow = (usize, u64, u8, usize, usize, f64, Option<f64>, f64, f64, u32);
+
+/// What of a contact is on another patch: frame, track, patch, area, and the taxel of the largest reading.
+type PartRow = (usize, u64, usize, f64, u32);
 
 impl<'m> Recorder<'m> {
     pub(super) fn new(map: &'m SkinMap, channel: &Channel, shown: usize) -> Result<Self, SignalError> {
@@ -71,6 +78,7 @@ impl<'m> Recorder<'m> {
             cuts: Vec::new(),
             totals: Vec::new(),
             contacts: Vec::new(),
+            parts: Vec::new(),
             events: EventRecorder::new(map)?,
             values: map.patches.map(|_| Vec::new()),
             readings: 0,
@@ -104,6 +112,8 @@ impl<'m> Recorder<'m> {
         }
         self.totals.push(total);
         self.contacts.extend(step.contacts.iter().map(|region| contact_row(number, region)));
+        let areas = |at: BodyTaxel| self.map.patches[at.patch].taxels.areas[at.taxel];
+        self.parts.extend(part_rows(number, step, self.shown, areas));
         self.events.record(step, &self.times)
     }
 
@@ -137,6 +147,7 @@ impl<'m> Recorder<'m> {
             totals: self.totals,
             values,
             contacts: self.contacts,
+            parts: self.parts,
             threshold: self.threshold,
             is_live: false,
             channel: self.channel.name,
@@ -166,9 +177,25 @@ fn contact_row(frame: usize, region: &ContactRegion) -> ContactRow {
     (frame, region.track, event, patch, taxels, region.area, force, u, v, peak)
 }
 
+/// What of the contacts of a frame is on other patches than theirs.
+fn part_rows(frame: usize, step: &Step<'_>, shown: usize, area: impl Fn(BodyTaxel) -> f64) -> Vec<PartRow> {
+    let reading = |at: &BodyTaxel| step.frame.values[at.patch][shown][at.taxel];
+    let mut rows = Vec::new();
+    for region in step.contacts.iter().filter(|region| region.event != ContactEvent::Release) {
+        for part in region.beyond.chunk_by(|a, b| a.patch == b.patch) {
+            let Some(peak) = part.iter().max_by(|a, b| reading(a).total_cmp(&reading(b))) else { continue };
+            let area = part.iter().map(|&at| area(at)).sum();
+            rows.push((frame, region.track, peak.patch.index(), area, peak.taxel.raw()));
+        }
+    }
+    rows
+}
+
 /// Converts arriving frames for an open page.
 #[derive(Debug)]
 pub struct LiveFrames {
+    /// Areas of taxels, in m^2.
+    areas: IdVec<PatchId, IdVec<VertexId, f64>>,
     shown: usize,
     clock: Clock,
     last: Option<f64>,
@@ -190,6 +217,8 @@ struct LiveFrame {
     /// The readings of all taxels, patch after patch, as little-endian `f32` in base64.
     values: String,
     contacts: Vec<ContactRow>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    parts: Vec<PartRow>,
 }
 
 impl LiveFrames {
@@ -211,11 +240,13 @@ impl LiveFrames {
             totals: Vec::new(),
             values: Vec::new(),
             contacts: Vec::new(),
+            parts: Vec::new(),
             events: Vec::new(),
             threshold: None,
             is_live: true,
         };
-        Ok((Self { shown, clock: Clock::new(), last: None, events: EventRecorder::new(map)? }, header))
+        let areas = map.patches.map(|patch| patch.taxels.areas.clone());
+        Ok((Self { areas, shown, clock: Clock::new(), last: None, events: EventRecorder::new(map)? }, header))
     }
 
     /// The next frame, for [`LiveServer::show`](super::LiveServer::show), with the events that have ended, whose limits
@@ -232,10 +263,12 @@ impl LiveFrames {
         let readings = frame.values.iter().flat_map(|of| of[self.shown].iter());
         let bytes: Vec<u8> = readings.flat_map(|&x| narrow(x).to_le_bytes()).collect();
         let contacts = step.contacts.iter().map(|region| contact_row(0, region)).collect();
+        let parts = part_rows(0, step, self.shown, |at| self.areas[at.patch][at.taxel]);
         self.clock.see(frame.time);
         let time = time_of(frame.time, self.last, &self.clock);
         self.last = Some(time);
-        let json = serde_json::to_string(&LiveFrame { time, values: STANDARD.encode(bytes), contacts });
+        let json =
+            serde_json::to_string(&LiveFrame { time, values: STANDARD.encode(bytes), contacts, parts });
         let json = json.expect("numbers and texts are JSON");
         Ok(LiveUpdate { frame: json[1..json.len() - 1].to_owned(), events: self.events.ended(step)? })
     }

@@ -3,6 +3,7 @@
 //! Values are linear between the vertices of each level, as in tactile images; where values are unknown the
 //! skin is hatched in greys, which no scale has.
 
+use crate::body::{BodyRows, field_areas};
 use crate::id::{IdVec, VertexId};
 use crate::map::{MapLevel, PatchMap, SkinMap};
 use crate::numeric::second_digit;
@@ -13,7 +14,7 @@ use crate::plot::patch_view::PatchView;
 use crate::plot::picture::Picture;
 use crate::plot::plot_map::{check_viewpoint, choose, choose_levels, title};
 use crate::plot::{PlotError, PlotOptions};
-use crate::pyramid::LevelId;
+use crate::pyramid::{LevelId, Prolongation};
 use crate::signal::{Channel, LevelFrame, Quantity};
 use crate::skin::PatchId;
 
@@ -71,6 +72,33 @@ pub struct FramePlotter<'a> {
     options: &'a PlotOptions,
     patches: Vec<(PatchId, PatchView<'a>)>,
     levels: Vec<LevelId>,
+    body: Vec<BodyFields>,
+}
+
+/// A level of the whole body: the rows of the taxels, and the areas of its fields.
+struct BodyFields {
+    level: LevelId,
+    rows: IdVec<PatchId, Prolongation>,
+    areas: IdVec<VertexId, f64>,
+}
+
+impl BodyFields {
+    fn new(map: &SkinMap, levels: &[LevelId]) -> Result<Vec<Self>, PlotError> {
+        let count = map.body.levels.len();
+        if let Some(&level) = levels.iter().find(|level| level.index() >= count) {
+            return Err(PlotError::UnknownBodyLevel { level, count });
+        }
+        if levels.is_empty() {
+            return Ok(Vec::new());
+        }
+        let BodyRows(rows) = map.body_rows();
+        let of_level = |&level: &LevelId| {
+            let rows = rows[level].clone();
+            let areas = field_areas(&rows, map.patches.iter().map(|patch| &patch.taxels.areas));
+            Self { level, rows, areas }
+        };
+        Ok(levels.iter().map(of_level).collect())
+    }
 }
 
 impl<'a> FramePlotter<'a> {
@@ -90,7 +118,11 @@ impl<'a> FramePlotter<'a> {
             return Err(PlotError::Channel { channel: shown, channels: channels.len(), range: [low, high] });
         };
         let chosen = choose(&map.patches, |patch| &patch.name, &options.patches)?;
-        let levels = choose_levels(&chosen, &options.levels)?;
+        let levels = match &options.levels[..] {
+            [] if !options.body_levels.is_empty() => Vec::new(),
+            levels => choose_levels(&chosen, levels)?,
+        };
+        let body = BodyFields::new(map, &options.body_levels)?;
         options.space.map_or(Ok(()), check_viewpoint)?;
         map.validate()?;
         let view = |patch: &'a PatchMap| {
@@ -98,7 +130,7 @@ impl<'a> FramePlotter<'a> {
             Ok((id.ok_or(PlotError::Empty)?, PatchView::of_map(map, patch)?))
         };
         let patches = chosen.into_iter().map(view).collect::<Result<_, PlotError>>()?;
-        Ok(Self { map, channel, shown, options, patches, levels })
+        Ok(Self { map, channel, shown, options, patches, levels, body })
     }
 
     /// Draws a frame.
@@ -112,13 +144,18 @@ impl<'a> FramePlotter<'a> {
         let mut rows = Vec::new();
         for (patch, view) in &self.patches {
             let of_level = |&level: &LevelId| self.densities(frame, *patch, level);
-            let drawn: Vec<_> = self.levels.iter().map(of_level).collect::<Result<_, _>>()?;
-            if let Some(viewpoint) = options.space {
-                let panel = |(&level, drawn)| Some((Panel::in_space(view, level, viewpoint), drawn?));
-                rows.push(self.levels.iter().zip(drawn.clone()).map(panel).collect::<Vec<_>>());
+            let mut drawn: Vec<_> = self.levels.iter().map(of_level).collect::<Result<_, _>>()?;
+            for body in &self.body {
+                drawn.push(Some(self.carried_down(frame, *patch, body)?));
             }
-            let panel = |(&level, drawn)| Some((Panel::on_map(view, level)?, drawn?));
-            rows.push(self.levels.iter().zip(drawn).map(panel).collect());
+            // Values of the whole body are shown at the taxels.
+            let levels = self.levels.iter().copied().chain(self.body.iter().map(|_| LevelId::default()));
+            if let Some(viewpoint) = options.space {
+                let panel = |(level, drawn)| Some((Panel::in_space(view, level, viewpoint), drawn?));
+                rows.push(levels.clone().zip(drawn.clone()).map(panel).collect::<Vec<_>>());
+            }
+            let panel = |(level, drawn)| Some((Panel::on_map(view, level)?, drawn?));
+            rows.push(levels.zip(drawn).map(panel).collect());
         }
         let all = rows.iter().flatten().flatten().map(|(_, drawn)| drawn);
         let colours = Colours::new(options.range, &about, all);
@@ -169,7 +206,37 @@ impl<'a> FramePlotter<'a> {
             Quantity::Intensive => values.clone(),
             Quantity::Extensive => values.iter().zip(&shape.areas).map(|(x, area)| x / area).collect(),
         };
-        Ok(Some(Drawn { level, values, densities }))
+        Ok(Some(Drawn { name: format!("level {level}"), values, densities }))
+    }
+
+    /// The values of a level of the whole body at the taxels of a patch; of an extensive channel those per area.
+    fn carried_down<'f>(
+        &self,
+        frame: &'f LevelFrame,
+        id: PatchId,
+        BodyFields { level, rows, areas }: &BodyFields,
+    ) -> Result<Drawn<'f>, PlotError> {
+        let patch = &self.map.patches[id].name;
+        let other = || PlotError::FrameOfAnotherMap { patch: patch.clone(), level: *level };
+        let values = frame.body.get(self.shown).and_then(|levels| levels.get(*level)).ok_or_else(other)?;
+        if values.len() != areas.len() {
+            return Err(other());
+        }
+        let of_field = |field: VertexId| match self.channel.quantity {
+            Quantity::Intensive => values[field],
+            Quantity::Extensive => values[field] / areas[field],
+        };
+        // Of the fields of a taxel those count that have a value.
+        let of_taxel = |taxel: VertexId| {
+            let known = rows[id].row(taxel).filter(|(field, _)| !values[*field].is_nan());
+            let add = |[sum, weight]: [f64; 2], (field, w): (VertexId, f64)| {
+                [sum + w * of_field(field), weight + w]
+            };
+            let [sum, weight] = known.fold([0.0; 2], add);
+            sum / weight
+        };
+        let densities = rows[id].indices.ids().map(of_taxel).collect();
+        Ok(Drawn { name: format!("body.L{level}"), values, densities })
     }
 }
 
@@ -198,7 +265,8 @@ fn about(channel: &Channel) -> About {
 /// The values of one level of a patch.
 #[derive(Clone)]
 struct Drawn<'a> {
-    level: LevelId,
+    /// What it is called.
+    name: String,
     values: &'a IdVec<VertexId, f64>,
     /// The drawn values: those of the channel, or amounts per area of skin.
     densities: IdVec<VertexId, f64>,
@@ -258,9 +326,9 @@ fn round([low, high]: [f64; 2], factor: f64) -> [f64; 2] {
 
 /// The caption of a panel: level, time, number of masked values, and the largest value.
 fn caption(panel: &Panel<'_>, drawn: &Drawn<'_>, channel: &Channel, time: f64, about: &About) -> Caption {
-    let Drawn { level, values, densities } = drawn;
+    let Drawn { name, values, densities } = drawn;
     let time = if time.is_nan() { String::new() } else { format!(", {time:.3} s") };
-    let kind = if *level == LevelId::default() { "taxels" } else { "fields" };
+    let kind = if name == "level 0" { "taxels" } else { "fields" };
     let known = || values.iter().filter(|x| !x.is_nan());
     let masked = values.len() - known().count();
     let masked = if masked > 0 { format!(", {masked} masked") } else { String::new() };
@@ -275,7 +343,7 @@ fn caption(panel: &Panel<'_>, drawn: &Drawn<'_>, channel: &Channel, time: f64, a
     }
     Caption {
         name: panel.slot.caption.name.clone(),
-        which: format!(", level {level}{}", if panel.is_in_space() { " in space" } else { "" }),
+        which: format!(", {name}{}", if panel.is_in_space() { " in space" } else { "" }),
         about: [format!("{} {kind}{masked}{time}", values.len()), measures.trim_end().to_owned()],
     }
 }

@@ -269,6 +269,19 @@ impl Recording {
         Ok(())
     }
 
+    /// As [`Self::summarise`], and adds up the fields of a level of the whole body ([`Summary::follow_fields`]).
+    ///
+    /// # Errors
+    /// As [`Self::follow_contacts`].
+    ///
+    /// # Panics
+    /// If the map does not have the level.
+    pub fn summarise_fields(&mut self, options: &TrackerOptions, level: LevelId) -> Result<(), SignalError> {
+        self.summarise(options)?;
+        self.summary.iter_mut().for_each(|summary| summary.follow_fields(&self.map, level));
+        Ok(())
+    }
+
     /// What was added up so far, if that was [asked for](Self::summarise); of the last episode, if there are several.
     pub fn summary(&self) -> Option<&Summary> {
         self.summary.as_ref()
@@ -392,7 +405,11 @@ impl Recording {
         let summary = self.summary.take();
         let options = self.touch;
         if let Some(summary) = &summary {
-            if summary.follows_steps() { self.summarise_steps(&options) } else { self.summarise(&options) }?;
+            match summary.field_level() {
+                Some(level) => self.summarise_fields(&options, level),
+                None if summary.follows_steps() => self.summarise_steps(&options),
+                None => self.summarise(&options),
+            }?;
         } else {
             self.follow_contacts(&options)?;
         }

@@ -104,3 +104,75 @@ fn gaps_can_be_left_open() {
     refuses(at, "build arm.glb -o wrong --across -1mm", &["0.02, 20mm or 0"]);
     refuses(at, "build arm.glb -o wrong --across wide", &["0.02, 20mm or 0"]);
 }
+
+/// The rows of a table as maps from its columns.
+fn rows(path: &Path) -> Vec<std::collections::HashMap<String, String>> {
+    let text = fs::read_to_string(path).unwrap();
+    let mut lines = text.lines().map(|line| line.split(',').map(str::to_owned).collect::<Vec<_>>());
+    let names = lines.next().unwrap();
+    lines.map(|cells| names.iter().cloned().zip(cells).collect()).collect()
+}
+
+/// Sums, contacts and pictures of the fields of the whole body; what a map does not have is refused.
+#[test]
+fn levels_of_the_body_are_levels_of_summary_lookup_plot_and_info() {
+    let folder = folder();
+    let at = folder.path();
+    let info = json(&dermatome(at, "info map/map.glb --json").output().unwrap().stdout);
+    let levels = info["body_levels"].as_array().unwrap();
+    assert_eq!((&levels[0]["level"], &levels.last().unwrap()["fields"]), (&"body.L0".into(), &1.into()));
+    let fields = levels[0]["fields"].as_u64().unwrap();
+    dermatome(at, "summary map/map.glb r.csv -o s.csv --threshold 1000 --by body.L0 -q").assert().success();
+    let sums = rows(&at.join("s.csv"));
+    let number =
+        |row: &std::collections::HashMap<String, String>, column: &str| row[column].parse::<f64>().unwrap();
+    let whole = sums.iter().find(|row| row["group"] == "whole").unwrap();
+    let of_fields: Vec<_> = sums.iter().filter(|row| row["group"] == "field").collect();
+    assert_eq!(of_fields.len() as u64, fields);
+    for column in ["impulse", "area"] {
+        let sum: f64 = of_fields.iter().map(|row| number(row, column)).sum();
+        assert!((sum / number(whole, column) - 1.0).abs() < 1e-12, "{column}: {sum}");
+    }
+    dermatome(at, "summary map/map.glb r.csv -o plain.csv --threshold 1000 -q").assert().success();
+    let without: Vec<_> = sums.iter().filter(|row| row["group"] != "field").cloned().collect();
+    assert_eq!(rows(&at.join("plain.csv")), without, "the groups are the same");
+
+    fs::write(at.join("p.csv"), "x,y,z\n0.0365,0.011,0.001\n0.09,0.01,0\n0,0,9\n").unwrap();
+    dermatome(at, "lookup map/map.glb p.csv -o all.csv -q").assert().success();
+    dermatome(at, "lookup map/map.glb p.csv -o found.csv --level 0 --level body.L0 -q").assert().success();
+    let found = rows(&at.join("found.csv"));
+    assert_eq!(found.iter().map(|row| &*row["level"]).collect::<Vec<_>>(), ["0", "body.L0"].repeat(3));
+    assert!(rows(&at.join("all.csv")).iter().all(|row| row["level"].parse::<u32>().is_ok()));
+    for row in found.iter().filter(|row| row["level"] == "body.L0" && row["patch"] != "off skin") {
+        let parts = row["fields"].split(';').map(|part| part.split_once(':').unwrap());
+        let parts: Vec<(u64, f64)> = parts.map(|(k, w)| (k.parse().unwrap(), w.parse().unwrap())).collect();
+        assert!((parts.iter().map(|part| part.1).sum::<f64>() - 1.0).abs() < 1e-12, "{row:?}");
+        let most = parts.iter().max_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
+        assert_eq!(row["field"], most.0.to_string());
+        assert!(["u", "v", "px", "py"].iter().all(|column| row[*column].is_empty()), "{row:?}");
+    }
+    // The answer about some patches is that about all.
+    dermatome(at, "lookup map/map.glb p.csv -o part.csv --level body.L0 --patch body -q").assert().success();
+    let part = rows(&at.join("part.csv"));
+    assert_eq!(part[1]["fields"], found[3]["fields"]);
+
+    dermatome(at, "plot map/map.glb --readings r.csv --frame 30 --level 0 --level body.L0 -o o.svg -q")
+        .assert()
+        .success();
+    let svg = fs::read_to_string(at.join("o.svg")).unwrap();
+    assert!(svg.contains("body.L0") && svg.contains(&format!("{fields} fields")), "captions");
+    let missing = format!("body.L{}", levels.len());
+    let last = format!("body.L0 to body.L{}", levels.len() - 1);
+    for command in [
+        format!("summary map/map.glb r.csv -o wrong.csv --by {missing}"),
+        format!("lookup map/map.glb p.csv --level {missing}"),
+        format!("plot map/map.glb --readings r.csv -o wrong.svg --level {missing}"),
+    ] {
+        refuses(at, &command, &[&missing, &last]);
+    }
+    refuses(at, "plot map/map.glb -o wrong.svg --level body.L0", &["--readings"]);
+    refuses(at, "lookup map/map.glb p.csv --level body.L0 --nearest 2", &["--nearest"]);
+    refuses(at, "summary map/map.glb r.csv -o wrong.csv --by body.L-1", &["body.L0"]);
+    dermatome(at, "build arm.glb -o one --patch left -q").assert().success();
+    refuses(at, "lookup one/map.glb p.csv --level body.L0", &["several patches"]);
+}

@@ -3,11 +3,13 @@
 use std::process::ExitCode;
 
 use dermatome::Error;
+use dermatome::id::IdVec;
 use dermatome::io::IoError;
-use dermatome::map::SkinMap;
+use dermatome::map::{RegionId, SkinMap};
 use dermatome::mesh::{Adjacency, mean_edge_length};
+use dermatome::pyramid::{LevelId, Prolongation};
 use dermatome::robot::{Joint, Robot, Role};
-use dermatome::skin::{Link, LinkId, Motion, Patch, Presence, Skin, link_names};
+use dermatome::skin::{Link, LinkId, Motion, Patch, PatchId, Presence, Skin, link_names};
 use glam::{DAffine3, DQuat};
 use serde_json::{Value, json};
 
@@ -71,6 +73,10 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         if !gaps.is_empty() {
             all["gaps"] = gaps_as_json(&gaps);
         }
+        if let Some(map) = map.as_ref().filter(|map| !map.body.levels.is_empty()) {
+            let object = |(level, regions)| json!({ "level": level, "fields": Vec::len(&regions), "regions": regions });
+            all["body_levels"] = body_levels(map).into_iter().map(object).collect();
+        }
         if let Some(robot) = &robot {
             let rows = args.joints.as_ref().map(|joints| joints.rows(robot, common)).transpose()?;
             let first = rows.and_then(|rows| rows.into_iter().next()).map(|(_, values)| values);
@@ -87,11 +93,37 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         let rows: Vec<_> = rows.iter().map(|row| row.each_ref().map(|(name, x)| (*name, cell(x)))).collect();
         print_table(2, &rows)?;
         print_gaps(&gaps)?;
+        map.iter().try_for_each(print_body_levels)?;
         for (name, [from, to]) in skin.animations.iter().filter_map(times) {
             print(&format!("animation {}: {from} to {to} s\n", plain(name)))?;
         }
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// The names of the levels of the whole body, and the region of each field.
+fn body_levels(map: &SkinMap) -> Vec<(String, Vec<Option<String>>)> {
+    let (regions, rows) = (map.regions(), map.body_rows().0);
+    let name = |region: Option<RegionId>| region.map(|region| regions.names[region].to_string());
+    let of_level = |(level, rows): (LevelId, &IdVec<PatchId, Prolongation>)| {
+        (format!("body.L{level}"), regions.of_body_level(rows).iter().map(|region| name(*region)).collect())
+    };
+    rows.enumerate().map(of_level).collect()
+}
+
+/// A line for each level of the whole body: the number of fields, and their regions if few have one.
+fn print_body_levels(map: &SkinMap) -> anyhow::Result<()> {
+    /// Names that fit into a line.
+    const MOST: usize = 12;
+    for (level, regions) in body_levels(map) {
+        let fields = if regions.len() == 1 { "field" } else { "fields" };
+        let names: Vec<String> =
+            regions.iter().map(|name| name.as_deref().map_or_else(|| "-".into(), plain)).collect();
+        let are_named = regions.len() <= MOST && regions.iter().any(Option::is_some);
+        let names = if are_named { format!(": {}", names.join(", ")) } else { String::new() };
+        print(&format!("{level}: {} {fields}{names}\n", regions.len()))?;
+    }
+    Ok(())
 }
 
 /// Whether the mesh files of a robot are absent.

@@ -2,6 +2,7 @@
 
 mod answers;
 mod back;
+mod body;
 mod contacts;
 mod player;
 mod readings;
@@ -27,8 +28,8 @@ use crate::lookup::player::Player;
 use crate::lookup::readings::Readings;
 use crate::lookup::robot::Robot;
 use crate::options::{
-    Common, InPath, JointsArg, OutFile, RegionsArgs, RobotArgs, Unit, joints, length, length_mm, pattern,
-    whole,
+    Common, InPath, JointsArg, LevelArg, OutFile, RegionsArgs, RobotArgs, Unit, joints, length, length_mm,
+    level, pattern, whole,
 };
 
 /// Find the map cells under contacts, on every level.
@@ -52,9 +53,10 @@ pub(crate) struct Args {
     /// File for the answers; `-`: standard output
     #[arg(short, long, default_value = "-", value_name = "OUT.csv")]
     output: OutFile,
-    /// Give the rows of this level only; may be given more than once [default: all levels]
-    #[arg(long = "level", value_name = "K")]
-    levels: Vec<usize>,
+    /// Give the rows of this level only, or of body.L0, body.L1, ... of the whole body; may be given more than once
+    /// [default: all levels of the patches]
+    #[arg(long = "level", value_name = "K|body.LK", value_parser = level)]
+    levels: Vec<LevelArg>,
     /// Unit of the lengths in CONTACTS.csv: places and radii; answers are in m [default: m]
     #[arg(long, value_enum, value_name = "UNIT")]
     unit: Option<Unit>,
@@ -193,6 +195,12 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     };
     let player = Player::new(args.pose.as_deref().unwrap_or(&args.map), motion);
     let question = args.question.question();
+    if !robot.body.is_empty() && matches!(question, Question::Fields(_) | Question::Within(_)) {
+        return Err(advise(
+            "--nearest and --within are of levels of the patches, not of the whole body",
+            "leave out --level body.LK; without --nearest it gives the fields of each contact",
+        ));
+    }
     let options = IndexOptions {
         reactive: question == Question::Reactive,
         fields: matches!(question, Question::Fields(_) | Question::Within(_)) || args.readings.is_some(),

@@ -12,7 +12,6 @@ use dermatome::pattern::{Sheet, draw_pattern, write_svg};
 use dermatome::plot::{
     Paint, Picture, PlotOptions, Viewpoint, plot_frame, plot_map, plot_signals, plot_skin,
 };
-use dermatome::pyramid::LevelId;
 use dermatome::recording::{Carried, FrameRange, map_signals};
 use dermatome::signal::Zero;
 use glob::Pattern;
@@ -25,7 +24,8 @@ use crate::files::outputs::{self, is_stream};
 use crate::files::patterns::{check_sheet, pattern_kind, sheet, write_pattern};
 use crate::files::pictures::{picture_kind, write_picture};
 use crate::options::{
-    Choice, Common, InPath, OutFile, PatchArgs, ReadArgs, RegionsArgs, number, numbers, one_of, pattern,
+    Choice, Common, InPath, LevelArg, OutFile, PatchArgs, ReadArgs, RegionsArgs, level, number, numbers,
+    one_of, pattern,
 };
 use crate::readings::{ReadingsArgs, range, remark_join};
 
@@ -44,9 +44,10 @@ pub(crate) struct Args {
     /// than once [default: all, one below the other]
     #[arg(long = "patch", value_name = "NAME", value_parser = pattern)]
     patches: Vec<Pattern>,
-    /// Draw this level; may be given more than once [default: the finest three]
-    #[arg(long = "level", value_name = "K")]
-    levels: Vec<u32>,
+    /// Draw this level; may be given more than once [default: the finest three]. With --readings also body.L0, body.L1, ...
+    /// of the whole body, at the taxels
+    #[arg(long = "level", value_name = "K|body.LK", value_parser = level)]
+    levels: Vec<LevelArg>,
     /// What the colours show
     #[arg(long, value_parser = one_of(&SHOWN), default_value = "fields")]
     show: Paint,
@@ -121,7 +122,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     args.outputs.iter().try_for_each(|path| picture_kind(path).map(|_| ()))?;
     let mut options = PlotOptions {
         patches: Vec::new(),
-        levels: args.levels.iter().copied().map(LevelId::from).collect(),
+        levels: Vec::new(),
+        body_levels: Vec::new(),
         paint: args.show,
         unfold: args.unfold.clone(),
         space: args.view.or(args.space.then(Viewpoint::default)),
@@ -135,6 +137,13 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         args.regions.apply(map, common)?;
     } else if !args.regions.is_empty() {
         return Err(Error::from(IoError::NoMap { path: (&args.map).into() }).into());
+    }
+    (options.levels, options.body_levels) = LevelArg::sort(&args.levels, map.as_ref())?;
+    if args.frame.readings.is_none() && !options.body_levels.is_empty() {
+        return Err(advise(
+            "levels of the whole body have no map of their own",
+            "give --readings, whose values are drawn",
+        ));
     }
     if let Some(map) = map.as_ref().filter(|_| !args.patches.is_empty()) {
         let names: Vec<String> = map.patches.iter().map(|patch| patch.name.clone()).collect();

@@ -4,11 +4,13 @@ use std::process::ExitCode;
 use std::sync::Arc;
 
 use dermatome::Error;
+use dermatome::body::Body;
 use dermatome::io::{
     LoadWriter, Statement, StatementSource, SummaryCell, SummaryRow, summary_rows, summary_step_rows,
     write_summary, write_summary_steps,
 };
 use dermatome::map::SkinMap;
+use dermatome::pyramid::LevelId;
 use dermatome::signal::{Group, OutsideSteps, Summary};
 use serde_json::{Map, Value, json};
 
@@ -19,7 +21,7 @@ use crate::console::progress;
 use crate::files::input::read_map_first;
 use crate::files::outputs::{self, is_stream};
 use crate::files::signals;
-use crate::options::{Choice, Common, InPath, OutFile, RegionsArgs, one_of};
+use crate::options::{Common, InPath, OutFile, RegionsArgs, check_body_level};
 use crate::readings::{FramesArgs, ReadingsArgs, TouchArgs, remark_join};
 
 /// Add up a recording by region, patch, link, contact and for the whole skin, or step by step.
@@ -38,8 +40,10 @@ pub(crate) struct Args {
     /// Table of the sums
     #[arg(short, long, value_name = "T.csv")]
     output: OutFile,
-    /// What has a row: each group with its sums, or each step
-    #[arg(long, value_name = "WHAT", value_parser = one_of(&ROWS), default_value = "group")]
+    /// What has a row. group: the whole skin, each link, patch, region and contact; step: each loading of a patch or a
+    /// region from begin to end, as the steps of a gait; body.L2: the groups, and each field of this level of the
+    /// whole body
+    #[arg(long, value_name = "group|step|body.LK", value_parser = rows, default_value = "group")]
     by: Rows,
     /// Also write the loads of every frame: a table
     #[arg(long, value_name = "OUT.csv")]
@@ -65,12 +69,19 @@ pub(crate) struct Args {
 enum Rows {
     Groups,
     Steps,
+    /// The groups, and the fields of this level of the whole body.
+    Fields(LevelId),
 }
 
-const ROWS: [Choice<Rows>; 2] = [
-    ("group", Rows::Groups, "The whole skin, each link, patch, region and contact"),
-    ("step", Rows::Steps, "Each loading of a patch or a region from begin to end, as the steps of a gait"),
-];
+fn rows(text: &str) -> Result<Rows, String> {
+    match text {
+        "group" => Ok(Rows::Groups),
+        "step" => Ok(Rows::Steps),
+        _ => Body::number_of(text)
+            .map(Rows::Fields)
+            .ok_or_else(|| "needed: group, step, or body.L0, body.L1, ... of the whole body".into()),
+    }
+}
 
 /// What files call the names of their sensors, which may say left or right.
 const SENSORS: [&str; 3] = ["sensor", "sole", "side"];
@@ -81,6 +92,9 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let frames = args.frames.range()?;
     let mut map = read_map_first(&args.map)?;
     args.regions.apply(&mut map, common)?;
+    if let Rows::Fields(level) = args.by {
+        check_body_level(level, Some(&map))?;
+    }
     let map = Arc::new(map);
     let mut recording = args.readings_args.open(frames, &args.readings, &map, common)?;
     let channel = recording.channel(args.channel.as_deref()).map_err(Error::from)?;
@@ -88,6 +102,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     match args.by {
         Rows::Groups => recording.summarise(&tracker),
         Rows::Steps => recording.summarise_steps(&tracker),
+        Rows::Fields(level) => recording.summarise_fields(&tracker, level),
     }
     .map_err(Error::from)?;
     remark_join(&recording, &args.readings, common);
@@ -129,7 +144,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let sensor = names.join(" ");
     let output = common.outputs.file(&args.output);
     match args.by {
-        Rows::Groups => write_summary(output, &map, &recording.summaries()),
+        Rows::Groups | Rows::Fields(_) => write_summary(output, &map, &recording.summaries()),
         Rows::Steps => write_summary_steps(output, &map, &recording.summaries(), &sensor),
     }
     .map_err(Error::from)?;

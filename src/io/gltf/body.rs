@@ -3,7 +3,7 @@
 use gltf::json::extras::Extras;
 use serde::{Deserialize, Serialize};
 
-use crate::body::{Body, BodyLevel, BodyTaxel};
+use crate::body::{Body, BodyLevel, BodyTaxel, field_areas};
 use crate::id::{IdVec, VertexId};
 use crate::io::error::Result;
 use crate::io::gltf::document::Document;
@@ -12,7 +12,6 @@ use crate::io::gltf::writer::SceneWriter;
 use crate::io::gltf::{RowsExtras, content};
 use crate::map::SkinMap;
 use crate::numeric::narrow;
-use crate::pyramid::Prolongation;
 use crate::skin::PatchId;
 
 /// `extras.dermatome` of the document.
@@ -49,14 +48,7 @@ pub(super) fn write_body(writer: &mut SceneWriter<'_>, map: &SkinMap) -> Result<
     }
     let row = |[a, b]: &[BodyTaxel; 2]| [a.patch.raw(), a.taxel.raw(), b.patch.raw(), b.taxel.raw()];
     let links = (!body.links.is_empty()).then(|| writer.array(None, body.links.iter().map(row)).value());
-    let areas = |of_patches: &IdVec<PatchId, Prolongation>| {
-        let mut sums = vec![0.0; of_patches.iter().next().map_or(0, |rows| rows.coarse_len)];
-        for (rows, patch) in of_patches.iter().zip(&map.patches) {
-            let areas = rows.restrict(&patch.taxels.areas);
-            sums.iter_mut().zip(&areas).for_each(|(sum, area)| *sum += area);
-        }
-        sums
-    };
+    let areas = |rows| field_areas(rows, map.patches.iter().map(|patch| &patch.taxels.areas));
     let mut levels = Vec::new();
     for (level, rows) in body.levels.iter().zip(&map.body_rows().0) {
         let origins = level.origins.iter().map(|at| [at.patch.raw(), at.taxel.raw()]);

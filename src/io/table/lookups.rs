@@ -42,6 +42,8 @@ pub struct LookupRow<'a> {
     pub contact: u64,
     /// The level.
     pub level: LevelId,
+    /// Whether it is a level of the whole body, `body.L0` and so on, which has no map: `u,v,px,py` are empty.
+    pub is_of_body: bool,
     /// Signed distance from the skin, in m, positive outside.
     pub distance: f64,
     /// The frame that the contact was given in, `world` or the name of a link; its answer is in the
@@ -179,7 +181,11 @@ impl Text {
     fn push(&mut self, row: &LookupRow<'_>) {
         let rows = &mut self.rows;
         push_whole(rows, row.contact);
-        push_whole(rows, row.level.raw().into());
+        if row.is_of_body {
+            push_cell(rows, &format!("body.L{}", row.level));
+        } else {
+            push_whole(rows, row.level.raw().into());
+        }
         match &row.place {
             Some(place) => self.push_place(row, place),
             None => {
@@ -202,8 +208,13 @@ impl Text {
         let rows = &mut self.rows;
         push_cell(rows, patch);
         push_whole(rows, cell.point.face.raw().into());
-        cell.point.barycentric.into_iter().chain(cell.uv.to_array()).for_each(|x| push_number(rows, x));
-        cell.pixel.into_iter().for_each(|x| push_whole(rows, x.into()));
+        cell.point.barycentric.into_iter().for_each(|x| push_number(rows, x));
+        if row.is_of_body {
+            rows.extend([b','; 4]);
+        } else {
+            cell.uv.to_array().into_iter().for_each(|x| push_number(rows, x));
+            cell.pixel.into_iter().for_each(|x| push_whole(rows, x.into()));
+        }
         push_whole(rows, cell.field.raw().into());
         push_whole(rows, cell.taxel.0.into());
         push_distance(rows, row.distance);

@@ -23,7 +23,8 @@ pub enum SummaryCell {
 /// The cells of a row of a summary, each with the name of its column.
 pub type SummaryRow = Vec<(&'static str, SummaryCell)>;
 
-/// The rows of a summary, with the same columns: the whole skin, then links, patches, regions and contacts. docs/terms.md
+/// The rows of a summary, with the same columns: the whole skin, then links, patches, regions, fields of
+/// the whole body if they are [followed](Summary::follow_fields), and contacts. docs/terms.md
 /// defines them.
 ///
 /// # Panics

@@ -73,6 +73,19 @@ impl Load {
         };
     }
 
+    /// The share of it that a field has in which its taxels have this weight.
+    pub(super) fn share(&self, weight: f64) -> Self {
+        Self {
+            sum: weight * self.sum,
+            force: weight * self.force,
+            area: weight * self.area,
+            loaded_sum: weight * self.loaded_sum,
+            weight: weight * self.weight,
+            moment: weight * self.moment,
+            ..*self
+        }
+    }
+
     /// The mean reading of the loaded taxels, weighted by their areas; `None` if none is loaded.
     pub fn mean(&self) -> Option<f64> {
         (self.loaded > 0).then(|| self.loaded_sum / self.area)

@@ -14,10 +14,10 @@ mod totals;
 
 use std::collections::BTreeMap;
 
-use crate::body::BodyTaxel;
-use crate::id::IdVec;
+use crate::body::{BodyRows, BodyTaxel};
+use crate::id::{IdVec, VertexId};
 use crate::map::{RegionId, Regions, SkinMap};
-use crate::pyramid::LevelId;
+use crate::pyramid::{LevelId, Prolongation};
 use crate::signal::contacts::ContactTracker;
 use crate::signal::summary::load::Adder;
 use crate::signal::summary::steps::Steps;
@@ -39,6 +39,8 @@ pub enum Group {
     Patch(PatchId),
     /// The taxels of a named region.
     Region(RegionId),
+    /// The taxels of a field of a level of the whole body, each by its weight.
+    Field(VertexId),
     /// The taxels of a contact, by its track; they differ from frame to frame.
     Contact(u64),
 }
@@ -87,9 +89,22 @@ pub struct Summary {
     link_places: IdVec<LinkId, Option<usize>>,
     totals: Vec<Totals>,
     contacts: BTreeMap<u64, (PatchId, Totals)>,
+    /// The level of the whole body whose fields are among the groups, if one is asked for.
+    fields: Option<Fields>,
     /// Of patches and regions, if they are asked for.
     steps: Option<Steps>,
     gaps: usize,
+}
+
+/// The fields of a level of the whole body.
+#[derive(Debug, Clone)]
+struct Fields {
+    level: LevelId,
+    rows: IdVec<PatchId, Prolongation>,
+    /// The place of the first one among the groups.
+    first: usize,
+    /// Their numbers, and their regions.
+    names: IdVec<VertexId, String>,
 }
 
 impl Summary {
@@ -121,6 +136,7 @@ impl Summary {
             starts: [1, patches, first_region],
             link_places,
             contacts: BTreeMap::new(),
+            fields: None,
             steps: None,
             gaps: 0,
         };
@@ -144,6 +160,11 @@ impl Summary {
                 of_patch.merge(&load);
                 if let Some(region) = self.regions.of_taxels[patch][taxel] {
                     self.loads[first_region + region.index()].1.merge(&load);
+                }
+                if let Some(Fields { first, rows, .. }) = &self.fields {
+                    for (field, weight) in rows[patch].row(taxel) {
+                        self.loads[first + field.index()].1.merge(&load.share(weight));
+                    }
                 }
             }
             self.loads[first_patch + patch.index()].1 = of_patch;
@@ -184,6 +205,39 @@ impl Summary {
             let entry = self.contacts.entry(region.track);
             entry.or_insert_with(|| (region.patch, Totals::enter())).1.add(time, step, &load);
         }
+    }
+
+    /// From now on also adds up the fields of a level of the whole body: a taxel counts in each by its weight, so that
+    /// forces and areas of the fields add up to those of the whole skin.
+    ///
+    /// # Panics
+    /// If the map is another one, or does not have the level.
+    pub fn follow_fields(&mut self, map: &SkinMap, level: LevelId) {
+        let BodyRows(mut rows) = map.body_rows();
+        let (rows, first) = (std::mem::take(&mut rows[level]), self.loads.len());
+        let regions = self.regions.of_body_level(&rows);
+        let name = |(field, region): (VertexId, &Option<RegionId>)| match region {
+            Some(region) => format!("{field} {}", self.regions.names[*region]),
+            None => field.to_string(),
+        };
+        let names: IdVec<VertexId, String> = regions.enumerate().map(name).collect();
+        let mut totals: IdVec<VertexId, Totals> = names.map(|_| Totals::default());
+        for (patch, rows) in map.patches.iter().zip(&rows) {
+            for (taxel, presence) in patch.taxels.presence.enumerate() {
+                for (field, weight) in rows.row(taxel).filter(|_| presence.reads_pressure()) {
+                    totals[field].taxels += 1;
+                    totals[field].area += weight * patch.taxels.areas[taxel];
+                }
+            }
+        }
+        self.loads.extend(names.ids().map(|field| (Group::Field(field), Load::default())));
+        self.totals.extend(totals);
+        self.fields = Some(Fields { level, rows, first, names });
+    }
+
+    /// The level of the whole body that is [followed](Self::follow_fields).
+    pub fn field_level(&self) -> Option<LevelId> {
+        self.fields.as_ref().map(|fields| fields.level)
     }
 
     /// From now on also follows each loading of a patch or a region.
@@ -252,6 +306,9 @@ impl Summary {
             Group::Link(id) => (["", map.links[id].name.as_str()], map.links[id].name.as_str().into()),
             Group::Patch(id) => (of_patch(id), map.patches[id].name.as_str().into()),
             Group::Region(id) => (["", ""], (&*self.regions.names[id]).into()),
+            Group::Field(id) => {
+                (["", ""], self.fields.as_ref().map_or_else(Default::default, |of| (&*of.names[id]).into()))
+            }
             Group::Contact(track) => {
                 let patch = self.contacts.get(&track).map(|(patch, _)| of_patch(*patch));
                 (patch.unwrap_or_default(), track.to_string().into())
@@ -271,7 +328,7 @@ impl Summary {
                         Group::Link(link) => link == patch.link,
                         Group::Patch(of) => of == id,
                         Group::Region(of) => Some(of) == region,
-                        Group::Contact(_) => false,
+                        Group::Field(_) | Group::Contact(_) => false,
                     };
                     if is_in && presence.reads_pressure() {
                         totals.taxels += 1;

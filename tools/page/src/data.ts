@@ -14,6 +14,8 @@ export interface PatchHeader {
 }
 /** frame, track, event, patch, taxels, area, force, u, v, peak taxel */
 export type Contact = number[];
+/** What of a contact is on another patch: frame, track, patch, area, peak taxel */
+export type Part = number[];
 /** An event that has ended, in m, s and N, from its first to its last frame; a gap has no contact. */
 export interface EventRow {
   word: string; contacts: number[]; begin: number; duration: number; first: number; last: number;
@@ -21,7 +23,7 @@ export interface EventRow {
 }
 export interface RecordingHeader {
   channel: string; unit: string; is_amount: boolean; lo: number; hi: number; force: boolean;
-  times: number[]; cuts: number[]; totals: number[]; values: number[]; contacts: Contact[]; events: EventRow[]; threshold: number | null; is_live: boolean;
+  times: number[]; cuts: number[]; totals: number[]; values: number[]; contacts: Contact[]; parts?: Part[]; events: EventRow[]; threshold: number | null; is_live: boolean;
 }
 export interface Header {
   version: string; title: string; links: { name: string; parent: number | null }[];

@@ -1,9 +1,9 @@
 // Frames and events that the server of `report --live` sends.
 
-import type { Contact, EventRow, RecordingHeader } from './data';
+import type { Contact, EventRow, Part, RecordingHeader } from './data';
 
 type LiveEvent = Omit<EventRow, 'first' | 'last'>;
-export interface LiveFrame { time: number; values: string; contacts: Contact[]; dropped: number; events: LiveEvent[] }
+export interface LiveFrame { time: number; values: string; contacts: Contact[]; parts?: Part[]; dropped: number; events: LiveEvent[] }
 
 /** Frames that the time line has. */
 const FRAMES = 600;

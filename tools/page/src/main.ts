@@ -1,7 +1,7 @@
 // The page: what is shown, and how it is steered.
 
 import { CATEGORIES, UNKNOWN, colour, figures, mix, paint, paintNames, recordingPaint, type Paint } from './colours';
-import { load, type Contact, type Data, type EventRow, type RecordingHeader } from './data';
+import { load, type Contact, type Data, type EventRow, type Part, type RecordingHeader } from './data';
 import { EventStrip } from './events';
 import { Grid, nearest } from './grid';
 import { addEvents, append, listen, type LiveFrame } from './live';
@@ -44,6 +44,8 @@ class Page {
   private started = [0, 0];
   private readings: Uint8Array[] = [];
   private contacts: Contact[][] = [];
+  /** What of the contacts of each frame is on other patches. */
+  private parts: Part[][] = [];
   private events: EventStrip | null = null;
   /** The events of the frame that is shown. */
   private happening: EventRow[] = [];
@@ -187,6 +189,8 @@ class Page {
   private drawContacts(c: CanvasRenderingContext2D, accent: string, back: string): void {
     const now = this.contacts[this.frame] ?? [];
     for (const contact of now.filter((of) => of[EVENT] !== RELEASE)) {
+      const parts = (this.parts[this.frame] ?? []).filter(([, track]) => track === contact[TRACK]);
+      const own = contact[AREA] - parts.reduce((sum, [, , , area]) => sum + area, 0);
       const trail: Contact[] = [];
       for (let f = this.frame; f >= Math.max(0, this.frame - 60); f--) {
         const before = this.contacts[f]?.find((of) => of[TRACK] === contact[TRACK] && of[PATCH] === contact[PATCH]);
@@ -202,8 +206,13 @@ class Page {
           c.lineWidth = width; c.strokeStyle = stroke; c.stroke();
         }
         const [x, y] = points[0];
-        const radius = Math.max(6, Math.sqrt(contact[AREA] / Math.PI) / this.view.metresPerPixel(isMap));
+        const radiusOf = (area: number): number => Math.max(6, Math.sqrt(area / Math.PI) / this.view.metresPerPixel(isMap));
+        const radius = radiusOf(own);
         c.beginPath(); c.arc(x, y, radius, 0, 7); c.stroke();
+        for (const [, , patch, area, peak] of parts) {
+          const at = this.view.isShown(patch) ? this.view.toPixels(isMap, patch, [[peak, 1]]) : null;
+          if (at) { c.beginPath(); c.arc(...at, radiusOf(area), 0, 7); c.stroke(); }
+        }
         c.font = '600 12px system-ui, sans-serif'; c.textAlign = 'left';
         c.lineWidth = 3; c.strokeStyle = back; c.strokeText(`${contact[TRACK]}`, x + radius + 3, y - radius);
         c.fillStyle = accent; c.fillText(`${contact[TRACK]}`, x + radius + 3, y - radius);
@@ -534,6 +543,8 @@ class Page {
     this.readings = recording!.values.map((index) => this.data.array(index).numbers as Uint8Array);
     this.contacts = recording!.times.map(() => []);
     for (const contact of recording!.contacts) this.contacts[contact[0]].push(contact);
+    this.parts = recording!.times.map(() => []);
+    for (const part of recording!.parts ?? []) this.parts[part[0]].push(part);
     const pick = (event: EventRow): void => { this.play(false); this.setFrame(Math.round((event.first + event.last) / 2)); this.keep(); };
     this.events = new EventStrip(this.data.header, byId('events'), byId('event-text'), pick, () => this.invalidate());
   }
@@ -557,6 +568,8 @@ class Page {
     this.live = append(recording, frame);
     this.contacts = recording.times.map(() => []);
     this.contacts[recording.times.length - 1] = frame.contacts;
+    this.parts = [];
+    this.parts[recording.times.length - 1] = frame.parts ?? [];
     this.events!.update();
     this.paints.lo = this.paints.name === 'recording' ? untouched(recording) : this.paints.lo;
     if (this.paints.name === 'recording' && this.paints.hi !== recording.hi) { this.paints.hi = recording.hi; this.legend(); }

@@ -2,6 +2,7 @@
 
 use dermatome::{
     SkinMap,
+    body::Body,
     id::VertexId,
     map::PatchMap,
     pyramid::LevelId,
@@ -110,9 +111,8 @@ pub(crate) fn pool_groups<'py>(
 
 /// The level of the whole body of this name.
 pub(crate) fn body_level(map: &SkinMap, name: &str) -> PyResult<LevelId> {
-    let number = name.strip_prefix("body.L").and_then(|number| number.parse::<u32>().ok()).map(LevelId::from);
     let count = map.body.levels.len();
-    number.filter(|level| level.index() < count).ok_or_else(|| {
+    Body::number_of(name).filter(|level| level.index() < count).ok_or_else(|| {
         let needed = match count {
             0 => "a number: a map of one patch, or an older one, has no levels of the whole body".to_owned(),
             count => format!("a number, or \"body.L0\" to \"body.L{}\"", count - 1),

@@ -23,6 +23,7 @@ use crate::{
     jobs::{Stop, run, run_here},
     map::PyMap,
     options::{count, probe, word},
+    pool::body_level,
     response::PyResponse,
     skin::PySkin,
 };
@@ -185,7 +186,7 @@ pub(crate) fn condition_readings<'py>(
 /// The sums of readings (T, N) of one channel in the order of a map: a dict for each group, the threshold, and the number of
 /// gaps. Without a threshold it is estimated from the first frames, whose mean is subtracted.
 #[pyfunction]
-#[pyo3(signature = (map, values, timestamps, channel, unit, *, threshold=None, is_tared=false, stated=None, probe="any"))]
+#[pyo3(signature = (map, values, timestamps, channel, unit, *, threshold=None, is_tared=false, stated=None, probe="any", level=None))]
 #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
 pub(crate) fn summarise_readings<'py>(
     py: Python<'py>,
@@ -198,6 +199,7 @@ pub(crate) fn summarise_readings<'py>(
     is_tared: bool,
     stated: Option<f64>,
     probe: &str,
+    level: Option<&str>,
 ) -> PyResult<(Bound<'py, PyList>, Option<f64>, usize)> {
     let values = floats("values", values)?;
     let &[frames, width] = values.shape() else {
@@ -215,12 +217,17 @@ pub(crate) fn summarise_readings<'py>(
     // Contacts need a threshold above 0.
     let threshold = threshold.map(|x| if x == 0.0 { f64::MIN_POSITIVE } else { x });
     let map = Arc::clone(&map.get().map);
+    let level = level.map(|name| body_level(&map, name)).transpose()?;
     let made = run(py, 0, move |stop| -> Result<_, dermatome::Error> {
         let mut recording =
             Recording::open(&map, ReadingsReader::memory(readings)?, &RecordingOptions::default())?;
         let known = recording.tracker_options(0);
         let threshold = threshold.or(known.threshold);
-        recording.summarise(&TrackerOptions { threshold, probe, low: probe.low(), ..known })?;
+        let options = TrackerOptions { threshold, probe, low: probe.low(), ..known };
+        match level {
+            Some(level) => recording.summarise_fields(&options, level),
+            None => recording.summarise(&options),
+        }?;
         while recording.next_step()?.is_some() {
             stop.check();
         }

@@ -211,6 +211,9 @@ impl<'a> Answers<'a> {
     }
 }
 
+/// A level, and whether it is one of the whole body.
+type RowLevel = (LevelId, bool);
+
 struct AnswerRows<'a, 'b> {
     answers: &'b Answers<'a>,
     contact: &'b Contact,
@@ -228,20 +231,28 @@ impl<'a> AnswerRows<'a, '_> {
         }
         self.count_doubtful(hit.patch, away);
         self.on_levels(hit, |rows, level, place| {
-            if place.presence != Presence::Present {
-                rows.answers.silent[level.index()].fetch_add(1, Ordering::Relaxed);
+            let silent = rows.answers.silent.get(level.0.index()).filter(|_| !level.1);
+            if let Some(silent) = silent.filter(|_| place.presence != Presence::Present) {
+                silent.fetch_add(1, Ordering::Relaxed);
             }
             rows.row(level, hit.distance, Some(place), []);
         });
     }
 
-    /// Calls `visit` with where a hit is on each level of its patch.
-    fn on_levels(&mut self, hit: &Hit, mut visit: impl FnMut(&mut Self, LevelId, LookupPlace<'a>)) {
+    /// Calls `visit` with where a hit is on each level of its patch, and on those of the whole body.
+    fn on_levels(&mut self, hit: &Hit, mut visit: impl FnMut(&mut Self, RowLevel, LookupPlace<'a>)) {
         let answers = self.answers;
         for level in answers.robot.levels_of(hit.patch) {
             let Some(cell) = answers.index.cell(hit, level) else { continue };
             let place = self.place(hit.patch, hit.link, cell, hit.position, hit.normal);
-            visit(self, level, place);
+            visit(self, (level, false), place);
+        }
+        let finest = answers.index.cell(hit, LevelId::default());
+        for of_body in &answers.robot.body {
+            let Some(finest) = finest else { continue };
+            let (cell, presence, region) = of_body.cell(hit.patch, &finest);
+            let place = self.place(hit.patch, hit.link, finest, hit.position, hit.normal);
+            visit(self, (of_body.level, true), LookupPlace { cell, presence, region, ..place });
         }
     }
 
@@ -270,7 +281,7 @@ impl<'a> AnswerRows<'a, '_> {
 
     fn row<const N: usize>(
         &mut self,
-        level: LevelId,
+        (level, is_of_body): RowLevel,
         distance: f64,
         place: Option<LookupPlace<'_>>,
         range: [f64; N],
@@ -281,7 +292,7 @@ impl<'a> AnswerRows<'a, '_> {
         extra[..N].copy_from_slice(&range);
         extra[N] = self.contact.time.unwrap_or(f64::NAN);
         let extra = &extra[..N + usize::from(self.answers.has_times)];
-        (self.emit)(&LookupRow { contact, level, distance, frame, place, extra });
+        (self.emit)(&LookupRow { contact, level, is_of_body, distance, frame, place, extra });
     }
 
     /// How far the skin is, and a row for each level of a point near the nearest.
@@ -332,7 +343,7 @@ impl<'a> AnswerRows<'a, '_> {
                     continue;
                 };
                 let place = self.place(field.patch, field.link, cell, field.position, field.normal);
-                self.row(field.level, field.distance, Some(place), []);
+                self.row((field.level, false), field.distance, Some(place), []);
             }
         }
         if !is_far && max_distance.is_some() {
@@ -363,7 +374,9 @@ impl<'a> AnswerRows<'a, '_> {
     /// The rows of a contact off the skin: its distance from there on each level.
     fn off_skin(&mut self, hit: &Hit) {
         self.answers.far.fetch_add(1, Ordering::Relaxed);
-        for &level in &self.answers.robot.levels {
+        let Robot { levels, body, .. } = self.answers.robot;
+        let of_body = body.iter().map(|of_body| (of_body.level, true));
+        for level in levels.iter().map(|&level| (level, false)).chain(of_body) {
             self.row(level, hit.distance, None, []);
         }
     }

@@ -192,5 +192,13 @@ fn row<'a>(
     let (presence, live_taxel) = robot.live.nearest(place.patch, &cell);
     let (patch, region) = (&robot.patches[place.patch], robot.region(place.patch, &cell));
     let place = LookupPlace { patch, link, region, cell, presence, live_taxel, position, normal };
-    LookupRow { contact, level: cell.level, distance: 0.0, frame, place: Some(place), extra: &[] }
+    LookupRow {
+        contact,
+        level: cell.level,
+        is_of_body: false,
+        distance: 0.0,
+        frame,
+        place: Some(place),
+        extra: &[],
+    }
 }

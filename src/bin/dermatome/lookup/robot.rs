@@ -17,7 +17,8 @@ use crate::console::errors::advise;
 use crate::console::notes::{first_names, note, note_columns};
 use crate::console::print::plain;
 use crate::files::input::{is_gltf, read_map_first, select_patches};
-use crate::options::{Common, JointsArg, RegionsArgs};
+use crate::lookup::body::BodyFields;
+use crate::options::{Common, JointsArg, LevelArg, RegionsArgs};
 
 pub(super) struct Robot {
     pub(super) map: SkinMap,
@@ -28,6 +29,8 @@ pub(super) struct Robot {
     /// Whether it carries one in the file, chosen or not.
     pub(super) has_skin: IdVec<LinkId, bool>,
     pub(super) levels: Vec<LevelId>,
+    /// The chosen levels of the whole body.
+    pub(super) body: Vec<BodyFields>,
     regions: FieldRegions,
 }
 
@@ -40,31 +43,38 @@ impl Robot {
     pub(super) fn read(
         path: &Path,
         patches: &[Pattern],
-        chosen: &[usize],
+        chosen: &[LevelArg],
         regions: &RegionsArgs,
         common: &Common,
     ) -> anyhow::Result<Self> {
         let mut map = read_map_first(path)?;
         regions.apply(&mut map, common)?;
         let has_skin = carries(&map);
+        let (of_patches, of_body) = LevelArg::sort(chosen, Some(&map))?;
+        let mut body = Vec::new();
+        if !of_body.is_empty() {
+            let names = map.patches.iter().map(|patch| patch.name.clone()).collect();
+            let names = select_patches(path, names, patches, |name: &String| name)?;
+            body = BodyFields::new(&map, &of_body, |id| names.contains(&map.patches[id].name));
+        }
         let all = map.patches.into_iter().collect();
-        // What joins patches is of no use here, and numbers all of them.
+        // What joins patches numbers all of them.
         map.body = Body::default();
         map.patches = select_patches(path, all, patches, |patch| &patch.name)?.into();
         let most = map.patches.iter().map(|patch| patch.levels.len()).max().unwrap_or(0);
-        if let Some(level) = chosen.iter().find(|&&level| level >= most) {
+        if let Some(level) = of_patches.iter().find(|level| level.index() >= most) {
             let last = most.saturating_sub(1);
             let what = format!("the map has no level {level}; its levels are 0 to {last}");
             return Err(advise(what, "leave out --level to get all of them"));
         }
         for patch in &map.patches {
             let levels = patch.levels.len();
-            if chosen.iter().any(|&level| level >= levels) {
+            if of_patches.iter().any(|level| level.index() >= levels) {
                 let what = format!("{} has {levels} levels", plain(&patch.name));
                 note!(common, "{what}; contacts on it get the row of the last one for levels above");
             }
         }
-        let levels = (0..most).filter(|k| chosen.is_empty() || chosen.contains(k)).map(LevelId::new);
+        let levels = (0..most).map(LevelId::new).filter(|k| chosen.is_empty() || of_patches.contains(k));
         Ok(Self {
             carries: carries(&map),
             has_skin,
@@ -72,6 +82,7 @@ impl Robot {
             patches: map.patches.map(|patch| patch.name.clone()),
             live: LiveTaxels::new(&map),
             levels: levels.collect(),
+            body,
             regions: FieldRegions::new(&map),
             map,
         })

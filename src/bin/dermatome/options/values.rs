@@ -1,8 +1,13 @@
 //! Values of options: words to choose from, numbers within a range, and lengths with a unit.
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use dermatome::body::Body;
+use dermatome::map::SkinMap;
+use dermatome::pyramid::LevelId;
 use dermatome::signal::Probe;
 use glam::DVec3;
+
+use crate::console::errors::advise;
 
 /// A number within a range that `wanted` describes.
 pub(crate) fn number(text: &str, wanted: &str, ok: impl Fn(f64) -> bool) -> Result<f64, String> {
@@ -83,6 +88,57 @@ pub(crate) const PROBES: [Choice<Probe>; 3] = [
         "A foot, a seat, a lying body: what is at most 10 cm apart on a patch is one contact",
     ),
 ];
+
+/// A level of the patches, or one of the whole body.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum LevelArg {
+    Patches(LevelId),
+    Body(LevelId),
+}
+
+impl LevelArg {
+    /// Those of the patches, and those of the whole body, which the map must have.
+    pub(crate) fn sort(
+        levels: &[Self],
+        map: Option<&SkinMap>,
+    ) -> anyhow::Result<(Vec<LevelId>, Vec<LevelId>)> {
+        let (mut patches, mut body) = (Vec::new(), Vec::new());
+        for level in levels {
+            match *level {
+                Self::Patches(level) => patches.push(level),
+                Self::Body(level) => {
+                    check_body_level(level, map)?;
+                    body.push(level);
+                }
+            }
+        }
+        Ok((patches, body))
+    }
+}
+
+/// Refuses a level of the whole body that a map does not have.
+pub(crate) fn check_body_level(level: LevelId, map: Option<&SkinMap>) -> anyhow::Result<()> {
+    match map.map_or(0, |map| map.body.levels.len()) {
+        count if level.index() < count => Ok(()),
+        0 => Err(advise(
+            format!(
+                "there is no level body.L{level}: levels of the whole body are those of a map of several patches"
+            ),
+            "maps of several patches that `dermatome build` wrote before have none; build them again",
+        )),
+        count => Err(advise(
+            format!("the map has no level body.L{level}"),
+            format!("its levels of the whole body are body.L0 to body.L{}", count - 1),
+        )),
+    }
+}
+
+/// A level: a number, or `body.L0` and so on.
+pub(crate) fn level(text: &str) -> Result<LevelArg, String> {
+    let number = || text.parse::<u32>().ok().map(LevelId::from).map(LevelArg::Patches);
+    let level = Body::number_of(text).map(LevelArg::Body).or_else(number);
+    level.ok_or_else(|| "needed: the number of a level, or body.L0, body.L1, ... of the whole body".into())
+}
 
 /// The whole text as `N` finite numbers with commas between them.
 pub(crate) fn numbers<const N: usize>(text: &str) -> Option<[f64; N]> {

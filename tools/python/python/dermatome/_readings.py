@@ -461,8 +461,9 @@ class Readings:
             }
         return made
 
-    def pooled(self, map: Map, level: int, *, threads: int = 0) -> NDArray[np.float32]:
-        """The values of the fields of a level, (T, C, fields): sums of channels that are amounts, averages of others.
+    def pooled(self, map: Map, level: int | str, *, threads: int = 0) -> NDArray[np.float32]:
+        """The values of the fields of a level, or of one of the whole body, as "body.L1", (T, C, fields): sums of channels that
+        are amounts, averages of others.
 
         Examples
         --------
@@ -489,6 +490,7 @@ class Readings:
         channel: str | None = None,
         threshold: float | None = None,
         probe: Literal["any", "finger"] = "any",
+        level: str | None = None,
     ) -> list[dict[str, Any]]:
         """The sums of a trial, as in pressure mapping: of the whole skin, its links, patches, named regions and contacts.
 
@@ -504,6 +506,8 @@ class Readings:
             readings are tared, the mean of these is subtracted.
         probe : {"any", "finger"}
             What touches the skin, for contacts that are close to each other.
+        level : str, optional
+            A level of the whole body, as "body.L1", whose fields are groups, too.
 
         Returns
         -------
@@ -537,6 +541,7 @@ class Readings:
             is_tared=joined.is_tared,
             stated=joined.threshold,
             probe=probe,
+            level=level,
         )
         if found is None:
             raise DataError("threshold: found none, and the noise cannot be estimated from one frame; needed: a number")
