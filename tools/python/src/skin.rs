@@ -281,6 +281,25 @@ impl PySkin {
         Self::assembled(py, draft, AssembleOptions { repair, ..AssembleOptions::default() })
     }
 
+    /// The forearm of the documents: 1000 taxels of one patch, which the package carries.
+    ///
+    /// Returns
+    /// -------
+    /// Skin
+    ///
+    /// Examples
+    /// --------
+    /// >>> import dermatome
+    /// >>> skin = dermatome.Skin.example()
+    /// >>> skin.patches, skin.n_taxels
+    /// (('forearm',), 1000)
+    #[staticmethod]
+    fn example(py: Python<'_>) -> PyResult<Self> {
+        let folder = py.import("importlib.resources")?.call_method1("files", ("dermatome",))?;
+        let data = folder.call_method1("joinpath", ("forearm.glb",))?.call_method0("read_bytes")?;
+        Self::from_bytes(py, &data, "glb")
+    }
+
     /// Make a skin from arrays.
     ///
     /// Parameters
