@@ -17,6 +17,7 @@ use numpy::{PyArray1, PyArray2, PyUntypedArrayMethods};
 use pyo3::{exceptions::PyUserWarning, prelude::*, types::PyList};
 
 use crate::{
+    arguments::arg,
     arrays::{Reduced, floats, matrix, one_each, one_number_each, points, reduced, rows, triangles, vector},
     errors::{bad, error},
     jobs::run,
@@ -94,6 +95,11 @@ fn mesh_of(vertices: &Bound<'_, PyAny>, faces: &Bound<'_, PyAny>) -> PyResult<Tr
 /// -------
 /// Flattening
 ///
+/// Raises
+/// ------
+/// DataError
+///     If the mesh is not one surface that can be mapped, or an option is unknown or out of its range.
+///
 /// Examples
 /// --------
 /// >>> import dermatome
@@ -110,17 +116,17 @@ pub(crate) fn flatten(
     vertices: &Bound<'_, PyAny>,
     faces: &Bound<'_, PyAny>,
     cut: Option<&Bound<'_, PyAny>>,
-    max_area_ratio: Option<f64>,
-    method: &str,
-    energy: &str,
-    angle: f64,
-    area: f64,
-    perimeter: f64,
-    magnify: f64,
-    overlap: &str,
-    boundary: &str,
+    #[pyo3(from_py_with = arg)] max_area_ratio: Option<f64>,
+    #[pyo3(from_py_with = arg)] method: &str,
+    #[pyo3(from_py_with = arg)] energy: &str,
+    #[pyo3(from_py_with = arg)] angle: f64,
+    #[pyo3(from_py_with = arg)] area: f64,
+    #[pyo3(from_py_with = arg)] perimeter: f64,
+    #[pyo3(from_py_with = arg)] magnify: f64,
+    #[pyo3(from_py_with = arg)] overlap: &str,
+    #[pyo3(from_py_with = arg)] boundary: &str,
     acuity: Option<&Bound<'_, PyAny>>,
-    threads: i64,
+    #[pyo3(from_py_with = arg)] threads: i64,
 ) -> PyResult<PyFlattening> {
     let mesh = mesh_of(vertices, faces)?;
     let acuity = acuity.map(|acuity| acuities(acuity, mesh.positions.len())).transpose()?;
@@ -319,6 +325,11 @@ impl PyMeshLevel {
 /// list of MeshLevel
 ///     The first is the mesh itself.
 ///
+/// Raises
+/// ------
+/// DataError
+///     If the mesh is no surface, or an option is out of its range.
+///
 /// Examples
 /// --------
 /// >>> import dermatome
@@ -333,11 +344,11 @@ pub(crate) fn coarsen<'py>(
     py: Python<'py>,
     vertices: &Bound<'py, PyAny>,
     faces: &Bound<'py, PyAny>,
-    ratio: Option<f64>,
-    levels: Option<i64>,
-    coarsest: i64,
+    #[pyo3(from_py_with = arg)] ratio: Option<f64>,
+    #[pyo3(from_py_with = arg)] levels: Option<i64>,
+    #[pyo3(from_py_with = arg)] coarsest: i64,
     acuity: Option<&Bound<'py, PyAny>>,
-    threads: i64,
+    #[pyo3(from_py_with = arg)] threads: i64,
 ) -> PyResult<Bound<'py, PyList>> {
     let mesh = mesh_of(vertices, faces)?;
     let acuity = acuity.map(|acuity| acuities(acuity, mesh.positions.len())).transpose()?;

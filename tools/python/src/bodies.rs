@@ -19,6 +19,7 @@ use pyo3::{
 };
 
 use crate::{
+    arguments::{arg, object},
     arrays::{matrix, vector},
     errors::{bad, error},
     jobs::run,
@@ -222,11 +223,11 @@ impl BodyArgs {
 #[pyfunction]
 pub(crate) fn fit_bodies<'py>(
     py: Python<'py>,
-    observations: &Bound<'py, PyObservations>,
+    #[pyo3(from_py_with = object)] observations: &Bound<'py, PyObservations>,
     cad: &Bound<'py, PyAny>,
     modules: Option<ModulesArg>,
     options: BodyArgs,
-    threads: i64,
+    #[pyo3(from_py_with = arg)] threads: i64,
 ) -> PyResult<Bound<'py, PyDict>> {
     let observations = observations.get();
     let options = options.options()?;
@@ -246,7 +247,11 @@ type TaxelRow = (u32, [f64; 3], [f64; 3], [f64; 6], String, String);
 
 /// Write the table of taxels that `calibrate --cad -o` writes.
 #[pyfunction]
-pub(crate) fn write_taxels_of_bodies(py: Python<'_>, path: PathBuf, rows: Vec<TaxelRow>) -> PyResult<()> {
+pub(crate) fn write_taxels_of_bodies(
+    py: Python<'_>,
+    #[pyo3(from_py_with = arg)] path: PathBuf,
+    rows: Vec<TaxelRow>,
+) -> PyResult<()> {
     let taxel = |(id, position, normal, covariance, ..): &TaxelRow| CalibratedTaxel {
         id: TaxelId(*id),
         position: DVec3::from_array(*position),

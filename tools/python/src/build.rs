@@ -12,6 +12,7 @@ use dermatome::{
 use pyo3::prelude::*;
 
 use crate::{
+    arguments::arg,
     errors::{bad, error},
     jobs::{Stop, run},
     map::PyMap,
@@ -26,7 +27,7 @@ use crate::{
 /// skin : Skin, str or os.PathLike
 ///     The skin, or a file that `Skin.read` reads.
 /// ratio : float, optional
-///     Number of vertices of a level over that of the next coarser one; by default about 4.
+///     Number of vertices of a level over that of the next coarser one, a ratio; by default about 4.
 /// levels : int, optional
 ///     At most this many levels above level 0.
 /// coarsest : int
@@ -37,9 +38,9 @@ use crate::{
 ///     What the intrinsic method minimises. Of a patch whose map is absurd by the default sum (symmetric Dirichlet above 15) the
 ///     map is that of "symmetric-dirichlet" if it is better.
 /// angle, area, perimeter : float
-///     Weights of the terms of the sum.
+///     Weights of the terms of the sum, without a unit.
 /// magnify : float
-///     0 true to the area, 1 equal map area per taxel.
+///     A share: 0 true to the area, 1 equal map area per taxel.
 /// magnify_over : {"skin", "patch"}
 ///     Over what densities are compared.
 /// overlap : {"prevent", "allow"}
@@ -51,7 +52,7 @@ use crate::{
 /// max_area_ratio : float, optional
 ///     Cut until no triangle of the map is larger or smaller than on the skin by more than this factor.
 /// seam_side : (3,) array_like, optional
-///     The way that skin faces where seams are preferred, as the inside of limbs.
+///     The way that skin faces where seams are preferred, as the inside of limbs, in the frame of the skin; of any length, without a unit.
 /// across : float, optional
 ///     Widest gap between patches that contacts go on over, in m; 0 for none; 3.5 spacings by default.
 /// pixel : float, optional
@@ -71,6 +72,16 @@ use crate::{
 /// -------
 /// Map
 ///
+/// Raises
+/// ------
+/// MissingFileError, FileError
+///     If it does not exist, or cannot be read.
+/// DataError
+///     If the skin cannot be mapped, or an option is unknown or out of its range: the message says which patch or
+///     option.
+/// KeyboardInterrupt
+///     Within a twentieth of a second.
+///
 /// Examples
 /// --------
 /// >>> import dermatome
@@ -86,26 +97,26 @@ use crate::{
 pub(crate) fn build(
     py: Python<'_>,
     skin: &Bound<'_, PyAny>,
-    ratio: Option<f64>,
-    levels: Option<i64>,
-    coarsest: i64,
-    method: &str,
-    energy: &str,
-    angle: f64,
-    area: f64,
-    perimeter: f64,
-    magnify: f64,
-    magnify_over: &str,
-    overlap: &str,
-    boundary: &str,
+    #[pyo3(from_py_with = arg)] ratio: Option<f64>,
+    #[pyo3(from_py_with = arg)] levels: Option<i64>,
+    #[pyo3(from_py_with = arg)] coarsest: i64,
+    #[pyo3(from_py_with = arg)] method: &str,
+    #[pyo3(from_py_with = arg)] energy: &str,
+    #[pyo3(from_py_with = arg)] angle: f64,
+    #[pyo3(from_py_with = arg)] area: f64,
+    #[pyo3(from_py_with = arg)] perimeter: f64,
+    #[pyo3(from_py_with = arg)] magnify: f64,
+    #[pyo3(from_py_with = arg)] magnify_over: &str,
+    #[pyo3(from_py_with = arg)] overlap: &str,
+    #[pyo3(from_py_with = arg)] boundary: &str,
     cut: Option<&Bound<'_, PyAny>>,
-    max_area_ratio: Option<f64>,
+    #[pyo3(from_py_with = arg)] max_area_ratio: Option<f64>,
     seam_side: Option<&Bound<'_, PyAny>>,
-    across: Option<f64>,
-    pixel: Option<f64>,
-    keep_going: bool,
+    #[pyo3(from_py_with = arg)] across: Option<f64>,
+    #[pyo3(from_py_with = arg)] pixel: Option<f64>,
+    #[pyo3(from_py_with = arg)] keep_going: bool,
     acuity: Option<&Bound<'_, PyAny>>,
-    threads: i64,
+    #[pyo3(from_py_with = arg)] threads: i64,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<PyMap> {
     let flatten = FlattenArgs { method, energy, angle, area, perimeter, magnify, overlap, boundary };

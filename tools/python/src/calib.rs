@@ -16,6 +16,7 @@ use numpy::{PyArray1, PyArray2};
 use pyo3::{prelude::*, types::PyDict};
 
 use crate::{
+    arguments::{arg, object},
     arrays::{Reduced, made_by, matrix, triangles, vector},
     errors::error,
     jobs::run,
@@ -67,13 +68,13 @@ impl PyCalibration {
         marginals.map(|m| matrix(py, m.positions.iter().map(|&c| <[f64; 6]>::from(c)))).transpose()
     }
 
-    /// float: Half of the sum of the losses of all squared whitened residuals.
+    /// float: Half of the sum of the losses of all squared whitened residuals, without a unit.
     #[getter]
     fn cost(&self) -> f64 {
         self.found.cost
     }
 
-    /// float: Sum of the squared whitened residuals of the inliers.
+    /// float: Sum of the squared whitened residuals of the inliers, without a unit.
     #[getter]
     fn chi2(&self) -> f64 {
         self.found.fit.chi2
@@ -99,7 +100,7 @@ impl PyCalibration {
     }
 
     /// list of two (k, 2) float64 arrays: Of each displacement and of each contact the length of its whitened residual, and how
-    /// much it counts.
+    /// much it counts, its weight.
     #[getter]
     fn residuals<'py>(&self, py: Python<'py>) -> PyResult<[Bound<'py, PyArray2<f64>>; 2]> {
         let of = |found: &ObservationDiagnostics| [found.chi2.sqrt(), found.weight];
@@ -117,6 +118,11 @@ impl PyCalibration {
     /// Returns
     /// -------
     /// Skin
+    ///
+    /// Raises
+    /// ------
+    /// DataError
+    ///     If a corner is no taxel, or the triangles are no surface.
     #[pyo3(signature = (faces=None))]
     fn skin(&self, py: Python<'_>, faces: Option<&Bound<'_, PyAny>>) -> PyResult<PySkin> {
         let (found, observations) =
@@ -184,9 +190,9 @@ impl CalibArgs {
 #[pyfunction]
 pub(crate) fn calibrate_taxels(
     py: Python<'_>,
-    observations: &Bound<'_, PyObservations>,
+    #[pyo3(from_py_with = object)] observations: &Bound<'_, PyObservations>,
     options: CalibArgs,
-    threads: i64,
+    #[pyo3(from_py_with = arg)] threads: i64,
 ) -> PyResult<PyCalibration> {
     observations.get().check_uncertainty()?;
     let (of, with) = (Arc::clone(&observations.get().observations), options.options()?);
@@ -224,6 +230,11 @@ pub(crate) fn calibrate_taxels(
 /// observations : Observations
 /// truth : dict
 ///     `positions` (n, 3) in m, `rotations` (n, 4), `faces` (m, 3), and `outliers`, numbers of displacements.
+///
+/// Raises
+/// ------
+/// DataError
+///     If a number is out of its range.
 #[pyfunction]
 #[pyo3(signature = (*, taxels=500, model="positions", spacing=5e-3, radius=0.1, noise=1e-3, rotation_noise=None,
     anchors=0, anchor_noise=1e-3, normal_noise=None, indentation=0.0, arm_noise=0.0, arm_rotation_noise=0.0, outliers=0.0,
@@ -231,20 +242,20 @@ pub(crate) fn calibrate_taxels(
 #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
 pub(crate) fn simulate<'py>(
     py: Python<'py>,
-    taxels: i64,
-    model: &str,
-    spacing: f64,
-    radius: f64,
-    noise: f64,
-    rotation_noise: Option<f64>,
-    anchors: i64,
-    anchor_noise: f64,
-    normal_noise: Option<f64>,
-    indentation: f64,
-    arm_noise: f64,
-    arm_rotation_noise: f64,
-    outliers: f64,
-    seed: u64,
+    #[pyo3(from_py_with = arg)] taxels: i64,
+    #[pyo3(from_py_with = arg)] model: &str,
+    #[pyo3(from_py_with = arg)] spacing: f64,
+    #[pyo3(from_py_with = arg)] radius: f64,
+    #[pyo3(from_py_with = arg)] noise: f64,
+    #[pyo3(from_py_with = arg)] rotation_noise: Option<f64>,
+    #[pyo3(from_py_with = arg)] anchors: i64,
+    #[pyo3(from_py_with = arg)] anchor_noise: f64,
+    #[pyo3(from_py_with = arg)] normal_noise: Option<f64>,
+    #[pyo3(from_py_with = arg)] indentation: f64,
+    #[pyo3(from_py_with = arg)] arm_noise: f64,
+    #[pyo3(from_py_with = arg)] arm_rotation_noise: f64,
+    #[pyo3(from_py_with = arg)] outliers: f64,
+    #[pyo3(from_py_with = arg)] seed: u64,
 ) -> PyResult<(PyObservations, Bound<'py, PyDict>)> {
     let options = SimulateOptions {
         taxels: count("taxels", taxels)?,

@@ -6,7 +6,7 @@ use dermatome::{Error, io::IoError};
 use pyo3::{prelude::*, types::PyDict};
 
 /// The module of the exceptions.
-const EXCEPTIONS: &str = "dermatome._errors";
+pub(crate) const EXCEPTIONS: &str = "dermatome._errors";
 
 /// An error of the library as an exception.
 pub(crate) fn error(error: impl Into<Error>) -> PyErr {

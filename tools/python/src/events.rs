@@ -18,6 +18,7 @@ use pyo3::{
 };
 
 use crate::{
+    arguments::{arg, object},
     arrays::{bad_shape, floats, vector},
     errors::{bad, error},
     jobs::run,
@@ -45,6 +46,11 @@ use crate::{
 ///     The limits of the words, in s, m, N and rad, as docs/behaviours.md lists them: `tap_s`, `hold_s`, `stroke_m`,
 ///     `stroke_spacings`, `rub_ratio`, `rub_turns`, `pat_taps`, `pat_s`, `pat_m`, `grasp_s`, `grasp_rad`, `hit_n`, `hit_s`,
 ///     `least_s`, `join_s`, `join_m`.
+///
+/// Raises
+/// ------
+/// DataError
+///     If a unit or word is unknown, a number is out of its range, or a direction is none.
 #[pyclass(frozen, module = "dermatome", name = "EventDetector")]
 #[derive(Debug)]
 pub(crate) struct PyEventDetector {
@@ -67,11 +73,11 @@ impl PyEventDetector {
     #[new]
     #[pyo3(signature = (map, *, unit="Pa", probe="any", threshold=None, words=None, **limits))]
     fn new(
-        map: &Bound<'_, PyMap>,
-        unit: &str,
-        probe: &str,
-        threshold: Option<f64>,
-        words: Option<Vec<(String, [f64; 3], String)>>,
+        #[pyo3(from_py_with = object)] map: &Bound<'_, PyMap>,
+        #[pyo3(from_py_with = arg)] unit: &str,
+        #[pyo3(from_py_with = arg)] probe: &str,
+        #[pyo3(from_py_with = arg)] threshold: Option<f64>,
+        #[pyo3(from_py_with = arg)] words: Option<Vec<(String, [f64; 3], String)>>,
         limits: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
         let (of, map) = (map, &map.get().map);
@@ -123,7 +129,7 @@ impl PyEventDetector {
     fn see<'py>(
         &self,
         py: Python<'py>,
-        time: f64,
+        #[pyo3(from_py_with = arg)] time: f64,
         values: &Bound<'py, PyAny>,
     ) -> PyResult<Bound<'py, PyList>> {
         let values = floats("values", values)?;
@@ -158,7 +164,7 @@ impl PyEventDetector {
         self.lock().tracker.at_once()
     }
 
-    /// float or None: The threshold of contacts, given or estimated; None while it is not known.
+    /// float or None: The threshold of contacts, given or estimated, in the unit of the readings; None while it is not known.
     #[getter]
     fn threshold(&self) -> Option<f64> {
         self.lock().tracker.threshold()
@@ -311,10 +317,10 @@ fn set(options: &mut EventOptions, name: &str, value: &Bound<'_, PyAny>) -> PyRe
 #[pyo3(signature = (before, after, *, modules=None, sigma=None))]
 pub(crate) fn diff<'py>(
     py: Python<'py>,
-    before: PathBuf,
-    after: PathBuf,
+    #[pyo3(from_py_with = arg)] before: PathBuf,
+    #[pyo3(from_py_with = arg)] after: PathBuf,
     modules: Option<std::collections::BTreeMap<u32, String>>,
-    sigma: Option<f64>,
+    #[pyo3(from_py_with = arg)] sigma: Option<f64>,
 ) -> PyResult<Bound<'py, PyList>> {
     let given: Option<Vec<_>> =
         modules.map(|modules| modules.into_iter().map(|(id, name)| (TaxelId(id), name)).collect());

@@ -13,6 +13,7 @@ use dermatome::{
 use pyo3::{prelude::*, types::PyIterator};
 
 use crate::{
+    arguments::arg,
     bodies::{BodyArgs, Drawing, ModulesArg},
     calib::{CalibArgs, PyCalibration},
     errors::{bad, error},
@@ -165,7 +166,11 @@ impl Solver {
 impl PyTouchFollower {
     /// One that solves taxels.
     #[staticmethod]
-    fn of_taxels(options: CalibArgs, every: i64, threads: i64) -> PyResult<Self> {
+    fn of_taxels(
+        options: CalibArgs,
+        #[pyo3(from_py_with = arg)] every: i64,
+        #[pyo3(from_py_with = arg)] threads: i64,
+    ) -> PyResult<Self> {
         let follower = Calibration::follow(&options.options()?, count("every", every)?);
         let threads = count("threads", threads)?;
         Ok(Self { solver: Solver::Taxels(Box::new(follower), options), threads })
@@ -178,8 +183,8 @@ impl PyTouchFollower {
         cad: &Bound<'_, PyAny>,
         modules: Option<ModulesArg>,
         options: BodyArgs,
-        every: i64,
-        threads: i64,
+        #[pyo3(from_py_with = arg)] every: i64,
+        #[pyo3(from_py_with = arg)] threads: i64,
     ) -> PyResult<Self> {
         let (options, every) = (options.options()?, count("every", every)?);
         let drawing = Drawing::read(py, cad, modules)?;

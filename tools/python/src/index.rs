@@ -16,6 +16,7 @@ use pyo3::{prelude::*, types::PyDict};
 use rayon::prelude::*;
 
 use crate::{
+    arguments::{arg, object},
     arrays::{Reduced, bad_shape, floats, integers, made_by, matrix, one_each, points, rows, vector},
     errors::{bad, error},
     hits::{Answers, FEW, PyFields, PyHits, cells, columns},
@@ -241,15 +242,20 @@ impl PyIndex {
     /// Returns
     /// -------
     /// Hits
+    ///
+    /// Raises
+    /// ------
+    /// DataError
+    ///     If a coordinate is infinite, or a link or the level is unknown.
     #[pyo3(signature = (points, *, link=None, only_link=None, level=0, threads=0))]
     fn locate(
         &self,
         py: Python<'_>,
         points: &Bound<'_, PyAny>,
-        link: Option<&str>,
+        #[pyo3(from_py_with = arg)] link: Option<&str>,
         only_link: Option<&Bound<'_, PyAny>>,
-        level: Option<i64>,
-        threads: i64,
+        #[pyo3(from_py_with = arg)] level: Option<i64>,
+        #[pyo3(from_py_with = arg)] threads: i64,
     ) -> PyResult<PyHits> {
         let queries = self.queries("points", points, link, only_link)?;
         let level = level.map(|level| self.level(level)).transpose()?;
@@ -273,6 +279,11 @@ impl PyIndex {
     /// -------
     /// Hits
     ///     `distance` is that from the origin. A ray that meets nothing has the patch -1.
+    ///
+    /// Raises
+    /// ------
+    /// DataError
+    ///     If shapes differ, a direction is 0, a number is not finite, or a link or the level is unknown.
     #[pyo3(signature = (origins, directions, *, longest=None, link=None, only_link=None, level=0,
         threads=0))]
     #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
@@ -281,11 +292,11 @@ impl PyIndex {
         py: Python<'_>,
         origins: &Bound<'_, PyAny>,
         directions: &Bound<'_, PyAny>,
-        longest: Option<f64>,
-        link: Option<&str>,
+        #[pyo3(from_py_with = arg)] longest: Option<f64>,
+        #[pyo3(from_py_with = arg)] link: Option<&str>,
         only_link: Option<&Bound<'_, PyAny>>,
-        level: Option<i64>,
-        threads: i64,
+        #[pyo3(from_py_with = arg)] level: Option<i64>,
+        #[pyo3(from_py_with = arg)] threads: i64,
     ) -> PyResult<PyHits> {
         let mut queries = self.queries("origins", origins, link, only_link)?;
         let mut directions = points("directions", directions)?;
@@ -293,8 +304,12 @@ impl PyIndex {
         if found != needed {
             return Err(bad("directions", format!("{found} rows"), format!("{needed} rows")));
         }
-        for (direction, is_known) in directions.iter_mut().zip(&mut queries.known) {
+        for (k, (direction, is_known)) in directions.iter_mut().zip(&mut queries.known).enumerate() {
             *is_known &= !direction.is_nan();
+            if *is_known && (*direction == DVec3::ZERO || !direction.is_finite()) {
+                let found = format!("[{}, {}, {}]", direction.x, direction.y, direction.z);
+                return Err(bad(&format!("directions[{k}]"), found, "a finite direction with a length"));
+            }
             *direction = if *is_known { *direction } else { DVec3::X };
         }
         let longest = longest.unwrap_or(f64::INFINITY);
@@ -323,15 +338,20 @@ impl PyIndex {
     /// Returns
     /// -------
     /// Hits
+    ///
+    /// Raises
+    /// ------
+    /// DataError
+    ///     If the index was made without `reactive`, a coordinate is infinite, or a link or the level is unknown.
     #[pyo3(signature = (points, level=None, *, link=None, only_link=None, threads=0))]
     fn reactive(
         &self,
         py: Python<'_>,
         points: &Bound<'_, PyAny>,
-        level: Option<i64>,
-        link: Option<&str>,
+        #[pyo3(from_py_with = arg)] level: Option<i64>,
+        #[pyo3(from_py_with = arg)] link: Option<&str>,
         only_link: Option<&Bound<'_, PyAny>>,
-        threads: i64,
+        #[pyo3(from_py_with = arg)] threads: i64,
     ) -> PyResult<PyHits> {
         self.need("reactive", self.options.reactive)?;
         let queries = self.queries("points", points, link, only_link)?;
@@ -371,17 +391,22 @@ impl PyIndex {
     /// -------
     /// Fields
     ///     The nearest first.
+    ///
+    /// Raises
+    /// ------
+    /// DataError
+    ///     If the index was made without `fields`, a coordinate is infinite, or a link or the level is unknown.
     #[pyo3(signature = (points, count=1, *, level=0, link=None, only_link=None, threads=0))]
     #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
     fn nearest(
         &self,
         py: Python<'_>,
         points: &Bound<'_, PyAny>,
-        count: i64,
-        level: i64,
-        link: Option<&str>,
+        #[pyo3(from_py_with = arg)] count: i64,
+        #[pyo3(from_py_with = arg)] level: i64,
+        #[pyo3(from_py_with = arg)] link: Option<&str>,
         only_link: Option<&Bound<'_, PyAny>>,
-        threads: i64,
+        #[pyo3(from_py_with = arg)] threads: i64,
     ) -> PyResult<PyFields> {
         self.need("fields", self.options.fields)?;
         let queries = self.queries("points", points, link, only_link)?;
@@ -406,17 +431,23 @@ impl PyIndex {
     /// -------
     /// Fields
     ///     By patch and field.
+    ///
+    /// Raises
+    /// ------
+    /// DataError
+    ///     If the index was made without `fields`, the radius is no number from 0 on, a coordinate is infinite, or a
+    ///     link or the level is unknown.
     #[pyo3(signature = (points, radius, *, level=0, link=None, only_link=None, threads=0))]
     #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
     fn within(
         &self,
         py: Python<'_>,
         points: &Bound<'_, PyAny>,
-        radius: f64,
-        level: i64,
-        link: Option<&str>,
+        #[pyo3(from_py_with = arg)] radius: f64,
+        #[pyo3(from_py_with = arg)] level: i64,
+        #[pyo3(from_py_with = arg)] link: Option<&str>,
         only_link: Option<&Bound<'_, PyAny>>,
-        threads: i64,
+        #[pyo3(from_py_with = arg)] threads: i64,
     ) -> PyResult<PyFields> {
         self.need("fields", self.options.fields)?;
         let queries = self.queries("points", points, link, only_link)?;
@@ -450,6 +481,12 @@ impl PyIndex {
     /// felt : (k,) bool array
     ///     Which contacts touch a taxel.
     ///
+    /// Raises
+    /// ------
+    /// DataError
+    ///     If the index was made without `fields`, shapes differ, a force or radius cannot be used, or a link is
+    ///     unknown.
+    ///
     /// Examples
     /// --------
     /// >>> import dermatome
@@ -466,15 +503,18 @@ impl PyIndex {
         points: &Bound<'py, PyAny>,
         force: &Bound<'py, PyAny>,
         radius: Option<&Bound<'py, PyAny>>,
-        taxel_radius: f64,
-        max_distance: Option<f64>,
-        link: Option<&str>,
+        #[pyo3(from_py_with = arg)] taxel_radius: f64,
+        #[pyo3(from_py_with = arg)] max_distance: Option<f64>,
+        #[pyo3(from_py_with = arg)] link: Option<&str>,
         only_link: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Felt<'py>> {
         self.need("fields", self.options.fields)?;
         let queries = self.queries("points", points, link, only_link)?;
         let Queries { all, known } = queries;
         let forces = one_each("force", force, all.len())?;
+        if let Some(k) = forces.iter().position(|force| !force.is_finite()) {
+            return Err(bad(&format!("force[{k}]"), forces[k], "a finite number of N"));
+        }
         let radii =
             radius.map_or(Ok(vec![0.0; all.len()]), |radius| one_each("radius", radius, all.len()))?;
         let (index, spreader) = (Arc::clone(&self.index), Spreader { disc: taxel_radius, max_distance });
@@ -506,7 +546,16 @@ impl PyIndex {
     /// Returns
     /// -------
     /// Index
-    fn posed(&self, py: Python<'_>, poses: &Bound<'_, PyDict>) -> PyResult<Self> {
+    ///
+    /// Raises
+    /// ------
+    /// DataError
+    ///     If a pose is not a rotation and a translation, or of no link.
+    fn posed(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = object)] poses: &Bound<'_, PyDict>,
+    ) -> PyResult<Self> {
         let (mut motion, mut moved) = (Motion::default(), Vec::new());
         for (name, value) in poses {
             let name: String =

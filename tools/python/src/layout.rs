@@ -16,6 +16,7 @@ use pyo3::{
 };
 
 use crate::{
+    arguments::arg,
     arrays::{Reals, Reduced, bad_shape, floats, integers, one_number_each, reals, shaped, vector},
     errors::{bad, error},
 };
@@ -56,8 +57,15 @@ impl PyLayout {
 #[pymethods]
 impl PyLayout {
     /// Read a layout, a JSON file; a table that it names is in the same folder.
+    ///
+    /// Raises
+    /// ------
+    /// MissingFileError, FileError
+    ///     If it does not exist, or cannot be read.
+    /// DataError
+    ///     If it is no layout: the message says which key.
     #[staticmethod]
-    fn read(path: PathBuf) -> PyResult<Self> {
+    fn read(#[pyo3(from_py_with = arg)] path: PathBuf) -> PyResult<Self> {
         Self::new(path, Layout::read)
     }
 
@@ -71,9 +79,18 @@ impl PyLayout {
     ///     What errors call it.
     /// folder : str or os.PathLike, optional
     ///     The folder of the table that it may name.
+    ///
+    /// Raises
+    /// ------
+    /// DataError
+    ///     If it is no layout: the message says which key.
     #[staticmethod]
     #[pyo3(signature = (text, name="layout", folder=None))]
-    fn parse(text: &str, name: &str, folder: Option<PathBuf>) -> PyResult<Self> {
+    fn parse(
+        #[pyo3(from_py_with = arg)] text: &str,
+        #[pyo3(from_py_with = arg)] name: &str,
+        #[pyo3(from_py_with = arg)] folder: Option<PathBuf>,
+    ) -> PyResult<Self> {
         let path = folder.map_or_else(|| PathBuf::from(name), |folder| folder.join(name));
         Self::new(path, |path| Layout::parse(path, text))
     }
@@ -95,12 +112,17 @@ impl PyLayout {
     /// -------
     /// str
     ///     The JSON; that of a `Recording` has a method `write(path)`.
+    ///
+    /// Raises
+    /// ------
+    /// DataError
+    ///     If the recording has no stream to draft a layout of.
     #[staticmethod]
     #[pyo3(signature = (file, cells=None, *, stream="", says=None))]
     fn draft<'py>(
         file: &Bound<'py, PyAny>,
-        cells: Option<Vec<usize>>,
-        stream: &str,
+        #[pyo3(from_py_with = arg)] cells: Option<Vec<usize>>,
+        #[pyo3(from_py_with = arg)] stream: &str,
         says: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let Some(cells) = cells else {
@@ -125,11 +147,16 @@ impl PyLayout {
     ///     The names of columns.
     /// says : dict, optional
     ///     What the file states, as `decoder` takes it.
+    ///
+    /// Raises
+    /// ------
+    /// DataError
+    ///     If what the file says is of another type.
     #[staticmethod]
     #[pyo3(signature = (file, names, *, says=None))]
     fn draft_columns(
-        file: PathBuf,
-        names: Vec<String>,
+        #[pyo3(from_py_with = arg)] file: PathBuf,
+        #[pyo3(from_py_with = arg)] names: Vec<String>,
         says: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Option<String>> {
         let names: Vec<&str> = names.iter().map(String::as_str).collect();
@@ -154,11 +181,16 @@ impl PyLayout {
     /// tuple or None
     ///     Ids in ascending order, the number of components, and for each column its component and the place of its
     ///     taxel among the ids, None where it is not read; None if the layout does not join columns by their names.
+    ///
+    /// Raises
+    /// ------
+    /// DataError
+    ///     If no column fits a name, or two are of one taxel.
     #[expect(clippy::type_complexity, reason = "of each column, if it is read")]
     fn named_columns(
         &self,
-        file: PathBuf,
-        names: Vec<String>,
+        #[pyo3(from_py_with = arg)] file: PathBuf,
+        #[pyo3(from_py_with = arg)] names: Vec<String>,
     ) -> PyResult<Option<(Vec<u32>, usize, Vec<Option<[usize; 2]>>)>> {
         let names: Vec<&str> = names.iter().map(String::as_str).collect();
         let found = self.layout.named_columns(&file, &names).map_err(error)?;
@@ -184,12 +216,17 @@ impl PyLayout {
     /// Returns
     /// -------
     /// Decoder
+    ///
+    /// Raises
+    /// ------
+    /// DataError
+    ///     If the layout does not fit the shape of the stream or what the file says.
     #[pyo3(signature = (file, cells, *, stream="", says=None, zero=None))]
     fn decoder(
         &self,
-        file: PathBuf,
-        cells: Vec<usize>,
-        stream: &str,
+        #[pyo3(from_py_with = arg)] file: PathBuf,
+        #[pyo3(from_py_with = arg)] cells: Vec<usize>,
+        #[pyo3(from_py_with = arg)] stream: &str,
         says: Option<&Bound<'_, PyDict>>,
         zero: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<PyDecoder> {
@@ -386,13 +423,18 @@ impl PyDecoder {
     ///     float32; float64 if `raw` has numbers that need it.
     /// seconds : (T,) float64 array
     ///     Times in s; from whole numbers and `datetime64`, of which ns count, from the first one of the episode on.
+    ///
+    /// Raises
+    /// ------
+    /// DataError
+    ///     If the shape or the number of times is another, or times go back.
     #[pyo3(signature = (raw, times=None, episode=0))]
     fn decode<'py>(
         &self,
         py: Python<'py>,
         raw: &Bound<'py, PyAny>,
         times: Option<&Bound<'py, PyAny>>,
-        episode: u64,
+        #[pyo3(from_py_with = arg)] episode: u64,
     ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyArray1<f64>>)> {
         let times = self.times(times, episode)?;
         let raw = py.import("numpy")?.call_method1("asarray", (raw,))?;
@@ -461,7 +503,8 @@ impl PyDecoder {
         self.with(|decoder| decoder.frames_to_learn())
     }
 
-    /// tuple of bool and float or None: Whether readings are about 0 where nothing touches, and the threshold that is stated.
+    /// tuple of bool and float or None: Whether readings are about 0 where nothing touches, and the threshold that is stated, in their
+    /// unit.
     #[getter]
     fn rest(&self) -> (bool, Option<f64>) {
         let rest = self.with(|decoder| decoder.rest(&StreamFacts::default()));

@@ -1,11 +1,12 @@
 //! The extension module of the Python package: it converts arrays, calls the library and converts back.
 //!
-//! In reading order: `errors`, `arrays`, `options`, `jobs` (what every function needs); `skin`, `build`, `map`, `level`,
+//! In reading order: `errors`, `arguments`, `arrays`, `options`, `jobs` (what every function needs); `skin`, `build`, `map`, `level`,
 //! `pool`, `matrix`, `index`, `hits`, `robot`, `bare_mesh`, `layout`, `recording_file`, `containers`, `readings`, `renderer`, `tracker`, `response`,
 //! `events`, `observations`, `calib`, `bodies`, `touches`, `follow`, `plot`. Doc comments of what Python sees are its
 //! documentation, in the form that numpy uses.
 #![warn(missing_docs, clippy::print_stdout, clippy::unwrap_used)]
 
+mod arguments;
 mod arrays;
 mod bodies;
 mod build;

@@ -31,6 +31,7 @@ use pyo3::{
 };
 
 use crate::{
+    arguments::{arg, found},
     arrays::{bad_shape, bytes_of, matrix, one_each, places, vector},
     errors::{bad, error},
     index::PyIndex,
@@ -120,8 +121,15 @@ impl PyMap {
     /// Returns
     /// -------
     /// Map
+    ///
+    /// Raises
+    /// ------
+    /// MissingFileError, FileError
+    ///     If it does not exist, or cannot be read.
+    /// DataError
+    ///     If it is no map, or damaged.
     #[staticmethod]
-    fn read(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
+    fn read(py: Python<'_>, #[pyo3(from_py_with = arg)] path: PathBuf) -> PyResult<Self> {
         let read = run(py, 0, move |_| {
             let map = read_map(&path)?;
             let file = if file_kind(&path) == "glb" {
@@ -135,6 +143,11 @@ impl PyMap {
     }
 
     /// Read a map from the content of a file.
+    ///
+    /// Raises
+    /// ------
+    /// DataError
+    ///     If the content is no map, or damaged.
     #[staticmethod]
     fn from_bytes(py: Python<'_>, data: &Bound<'_, PyAny>) -> PyResult<Self> {
         let file = bytes_of("data", data)?;
@@ -147,7 +160,14 @@ impl PyMap {
     }
 
     /// Write the map to a file (.glb), whole or not at all.
-    fn write(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+    ///
+    /// Raises
+    /// ------
+    /// FileError
+    ///     If it cannot be written.
+    /// DataError
+    ///     If the extension is another than .glb.
+    fn write(&self, py: Python<'_>, #[pyo3(from_py_with = arg)] path: PathBuf) -> PyResult<()> {
         if file_kind(&path) != "glb" {
             return Err(bad("path", path.display(), "a file .glb"));
         }
@@ -174,6 +194,15 @@ impl PyMap {
     /// robot : str or os.PathLike, optional
     ///     The description of the robot that carries the skin, for a `.urdf`.
     ///
+    /// Raises
+    /// ------
+    /// MissingFileError, FileError
+    ///     If it does not exist, or cannot be read.
+    /// FileError
+    ///     If a file cannot be written.
+    /// DataError
+    ///     If the kind, the patch or the level is unknown, or the robot does not fit.
+    ///
     /// Examples
     /// --------
     /// >>> import dermatome, pathlib, tempfile
@@ -187,10 +216,10 @@ impl PyMap {
     fn export(
         &self,
         py: Python<'_>,
-        path: PathBuf,
-        level: i64,
-        patch: Option<&str>,
-        robot: Option<PathBuf>,
+        #[pyo3(from_py_with = arg)] path: PathBuf,
+        #[pyo3(from_py_with = arg)] level: i64,
+        #[pyo3(from_py_with = arg)] patch: Option<&str>,
+        #[pyo3(from_py_with = arg)] robot: Option<PathBuf>,
     ) -> PyResult<()> {
         let options = ExportOptions { level: self::level("level", level, self.levels())?, robot };
         let map = match patch {
@@ -315,6 +344,13 @@ impl PyMap {
     /// -------
     /// Map
     ///
+    /// Raises
+    /// ------
+    /// MissingFileError, FileError
+    ///     If it does not exist, or cannot be read.
+    /// DataError
+    ///     If an id is of no taxel or of several, or a line of the table cannot be used.
+    ///
     /// Examples
     /// --------
     /// >>> import dermatome
@@ -332,8 +368,11 @@ impl PyMap {
                 }
             }
             for item in named.items()?.iter() {
-                let (name, ids): (String, Bound<'_, PyAny>) = item.extract()?;
-                let ids: Vec<u32> = ids.try_iter()?.map(|id| id?.extract()).collect::<PyResult<_>>()?;
+                let (name, ids): (String, Bound<'_, PyAny>) =
+                    item.extract().map_err(|_| bad("regions", found(&item), "names of regions"))?;
+                let read = || ids.try_iter()?.map(|id| id?.extract()).collect::<PyResult<_>>();
+                let ids: Vec<u32> =
+                    read().map_err(|_| bad(&format!("regions[{name:?}]"), found(&ids), "ids of taxels"))?;
                 let home = |id: &u32| match homes.get(id) {
                     Some(&(patch, v, 1)) => Ok((patch, v)),
                     Some((.., count)) => {
@@ -346,7 +385,8 @@ impl PyMap {
                 map.set_regions(taxels, &name).map_err(error)?;
             }
         } else {
-            let path: PathBuf = regions.extract()?;
+            let needed = "a mapping of names to ids of taxels, a table, or \"link\"";
+            let path: PathBuf = regions.extract().map_err(|_| bad("regions", found(regions), needed))?;
             if path.as_os_str() == "link" {
                 map.set_regions_by_link().map_err(error)?;
             } else {
@@ -370,12 +410,17 @@ impl PyMap {
     /// -------
     /// (..., R) float32 array
     ///     One value for each of `regions`; NaN where no taxel of a region has a reading.
+    ///
+    /// Raises
+    /// ------
+    /// DataError
+    ///     If the shape is another, or a number is infinite.
     #[pyo3(signature = (values, *, extensive=false))]
     fn pool_regions<'py>(
         &self,
         py: Python<'py>,
         values: &Bound<'py, PyAny>,
-        extensive: bool,
+        #[pyo3(from_py_with = arg)] extensive: bool,
     ) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
         pool_groups(py, &self.map, values, &GroupPool::of_regions(&self.map), extensive)
     }
@@ -415,7 +460,12 @@ impl PyMap {
     /// Returns
     /// -------
     /// int
-    fn n_fields(&self, level: i64) -> PyResult<usize> {
+    ///
+    /// Raises
+    /// ------
+    /// DataError
+    ///     If the map has no such level.
+    fn n_fields(&self, #[pyo3(from_py_with = arg)] level: i64) -> PyResult<usize> {
         let level = self::level("level", level, self.levels())?;
         Ok(starts(&self.map, level).last().copied().unwrap_or(0))
     }
@@ -437,6 +487,11 @@ impl PyMap {
     /// index : (n,) int64 array
     ///     The vertex of that level.
     ///
+    /// Raises
+    /// ------
+    /// DataError
+    ///     If the map has no such level.
+    ///
     /// Examples
     /// --------
     /// >>> import dermatome
@@ -445,7 +500,11 @@ impl PyMap {
     /// >>> patch, level, index = skin_map.fields(1)
     /// >>> len(patch) == skin_map.n_fields(1) == len(skin_map.patches["skin"].levels[1].positions)
     /// True
-    fn fields<'py>(&self, py: Python<'py>, level: i64) -> PyResult<FieldArrays<'py>> {
+    fn fields<'py>(
+        &self,
+        py: Python<'py>,
+        #[pyo3(from_py_with = arg)] level: i64,
+    ) -> PyResult<FieldArrays<'py>> {
         let level = self::level("level", level, self.levels())?;
         Ok(fields_of(py, &self.map, level))
     }
@@ -469,8 +528,18 @@ impl PyMap {
     /// -------
     /// Matrix
     ///     (taxels, fields).
+    ///
+    /// Raises
+    /// ------
+    /// DataError
+    ///     If the map has no such level or patch.
     #[pyo3(signature = (level, *, patch=None))]
-    fn pooling(&self, py: Python<'_>, level: i64, patch: Option<&str>) -> PyResult<PyMatrix> {
+    fn pooling(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = arg)] level: i64,
+        #[pyo3(from_py_with = arg)] patch: Option<&str>,
+    ) -> PyResult<PyMatrix> {
         let level = self::level("level", level, self.levels())?;
         let only = patch.map(|name| self.patch_named(name)).transpose()?;
         Ok(pooling_of(py, &self.map, level, only))
@@ -496,6 +565,11 @@ impl PyMap {
     /// (..., n) float32 array
     ///     One value for each field of the level, patch after patch; NaN where all taxels of a field have none.
     ///
+    /// Raises
+    /// ------
+    /// DataError
+    ///     If the shape is another, a number is infinite, or the map has no such level.
+    ///
     /// Examples
     /// --------
     /// >>> import dermatome, numpy as np
@@ -510,9 +584,9 @@ impl PyMap {
         py: Python<'py>,
         values: &Bound<'py, PyAny>,
         level: &Bound<'py, PyAny>,
-        extensive: bool,
-        contrast: bool,
-        threads: i64,
+        #[pyo3(from_py_with = arg)] extensive: bool,
+        #[pyo3(from_py_with = arg)] contrast: bool,
+        #[pyo3(from_py_with = arg)] threads: i64,
     ) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
         if let Ok(name) = level.extract::<String>() {
             let level = body_level(&self.map, &name)?;
@@ -548,8 +622,18 @@ impl PyMap {
     /// Returns
     /// -------
     /// Index
+    ///
+    /// Raises
+    /// ------
+    /// DataError
+    ///     If the number of threads cannot be used.
     #[pyo3(signature = (*, reactive=false, fields=false, threads=0))]
-    fn index(slf: &Bound<'_, Self>, reactive: bool, fields: bool, threads: i64) -> PyResult<PyIndex> {
+    fn index(
+        slf: &Bound<'_, Self>,
+        #[pyo3(from_py_with = arg)] reactive: bool,
+        #[pyo3(from_py_with = arg)] fields: bool,
+        #[pyo3(from_py_with = arg)] threads: i64,
+    ) -> PyResult<PyIndex> {
         PyIndex::new(slf, IndexOptions { reactive, fields }, count("threads", threads)?)
     }
 
@@ -580,20 +664,25 @@ impl PyMap {
     /// Returns
     /// -------
     /// Renderer
+    ///
+    /// Raises
+    /// ------
+    /// DataError
+    ///     If the map has no such level or patch, or size, pixel, channels, pack or fill cannot be used together.
     #[pyo3(signature = (level=0, *, patch=None, channels=None, extensive=None, size=None,
         pixel=None, pack=None, fill=None, mask=false))]
     #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
     fn renderer(
         slf: &Bound<'_, Self>,
-        level: i64,
-        patch: Option<String>,
-        channels: Option<i64>,
+        #[pyo3(from_py_with = arg)] level: i64,
+        #[pyo3(from_py_with = arg)] patch: Option<String>,
+        #[pyo3(from_py_with = arg)] channels: Option<i64>,
         extensive: Option<&Bound<'_, PyAny>>,
-        size: Option<[u32; 2]>,
-        pixel: Option<f64>,
-        pack: Option<PackArg>,
-        fill: Option<f32>,
-        mask: bool,
+        #[pyo3(from_py_with = arg)] size: Option<[u32; 2]>,
+        #[pyo3(from_py_with = arg)] pixel: Option<f64>,
+        #[pyo3(from_py_with = arg)] pack: Option<PackArg>,
+        #[pyo3(from_py_with = arg)] fill: Option<f32>,
+        #[pyo3(from_py_with = arg)] mask: bool,
     ) -> PyResult<PyRenderer> {
         let (pack, extensive) = (pack.map(PackArg::read).transpose()?.flatten(), Extensive::read(extensive)?);
         let args = RenderArgs { level, patch, channels, extensive, size, pixel, pack, fill, mask };
@@ -619,7 +708,7 @@ impl PyMap {
     /// unfold : sequence of float, optional
     ///     Draw the skin as it unfolds instead, at these times side by side: 0 is the skin in space, 1 its map.
     /// range : (2,) sequence of float, optional
-    ///     Values at the ends of the scale of colours.
+    ///     Values at the ends of the scale of colours, in the unit of the values.
     /// width : int
     ///     Width of the picture, in pixels.
     /// extensive : bool
@@ -630,21 +719,26 @@ impl PyMap {
     /// Returns
     /// -------
     /// Picture
+    ///
+    /// Raises
+    /// ------
+    /// DataError
+    ///     If the shape is another, the map has no such patch or level, or a number is out of its range.
     #[pyo3(signature = (values=None, *, patches=None, levels=None, show="fields", space=false, view=None, unfold=None,
         range=None, width=1600, extensive=false, ax=None))]
     #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
     fn plot(
         slf: &Bound<'_, Self>,
         values: Option<&Bound<'_, PyAny>>,
-        patches: Option<Vec<String>>,
-        levels: Option<Vec<i64>>,
-        show: &str,
-        space: bool,
-        view: Option<[f64; 2]>,
-        unfold: Option<Vec<f64>>,
-        range: Option<[f64; 2]>,
-        width: u32,
-        extensive: bool,
+        #[pyo3(from_py_with = arg)] patches: Option<Vec<String>>,
+        #[pyo3(from_py_with = arg)] levels: Option<Vec<i64>>,
+        #[pyo3(from_py_with = arg)] show: &str,
+        #[pyo3(from_py_with = arg)] space: bool,
+        #[pyo3(from_py_with = arg)] view: Option<[f64; 2]>,
+        #[pyo3(from_py_with = arg)] unfold: Option<Vec<f64>>,
+        #[pyo3(from_py_with = arg)] range: Option<[f64; 2]>,
+        #[pyo3(from_py_with = arg)] width: u32,
+        #[pyo3(from_py_with = arg)] extensive: bool,
         ax: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<PyPicture> {
         let map = slf.get();
@@ -680,14 +774,19 @@ impl PyMap {
     ///     Outward unit normals there.
     /// off_chart : (k,) float64 array
     ///     How far outside of the map the place is, in m; the point is then that of the nearest place on it.
+    ///
+    /// Raises
+    /// ------
+    /// DataError
+    ///     If the map has no such patch or level, or the shape is another.
     #[pyo3(signature = (patch, uv, *, level=0))]
     #[expect(clippy::type_complexity, reason = "a tuple of arrays")]
     fn to_skin<'py>(
         &self,
         py: Python<'py>,
-        patch: &str,
+        #[pyo3(from_py_with = arg)] patch: &str,
         uv: &Bound<'py, PyAny>,
-        level: i64,
+        #[pyo3(from_py_with = arg)] level: i64,
     ) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>)> {
         let patch = self.patch_named(patch)?;
         let level = self::level("level", level, self.map.patches[patch].levels.len())?;

@@ -16,7 +16,7 @@ pub(crate) struct PyMatrix {
     indptr: Py<PyArray1<i64>>,
     /// (nnz,) int64 array: Columns of the entries.
     indices: Py<PyArray1<i64>>,
-    /// (nnz,) float64 array: The entries.
+    /// (nnz,) float64 array: The entries: weights, per m^2 where a matrix draws amounts.
     data: Py<PyArray1<f64>>,
     /// tuple of int: Number of rows and of columns.
     shape: (usize, usize),

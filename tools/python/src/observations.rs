@@ -15,6 +15,7 @@ use glam::{DQuat, DVec3};
 use pyo3::prelude::*;
 
 use crate::{
+    arguments::arg,
     arrays::Reduced,
     errors::{bad, error},
     jobs::run,
@@ -104,14 +105,21 @@ impl PyObservations {
     /// Returns
     /// -------
     /// Observations
+    ///
+    /// Raises
+    /// ------
+    /// MissingFileError, FileError
+    ///     If it does not exist, or cannot be read.
+    /// DataError
+    ///     If a line cannot be used: the message says which, and what is needed.
     #[staticmethod]
     #[pyo3(signature = (path, *, contacts=None, unit=None, clip_information=false))]
     fn read(
         py: Python<'_>,
-        path: PathBuf,
+        #[pyo3(from_py_with = arg)] path: PathBuf,
         contacts: Option<Vec<PathBuf>>,
         unit: Option<&Bound<'_, PyAny>>,
-        clip_information: bool,
+        #[pyo3(from_py_with = arg)] clip_information: bool,
     ) -> PyResult<Self> {
         let metres = unit.map_or(Ok(1.0), self::unit)?;
         let read = run(py, 0, move |_| read_observations(&path, &contacts.unwrap_or_default()))?;
@@ -139,6 +147,11 @@ impl PyObservations {
     /// -------
     /// Observations
     ///
+    /// Raises
+    /// ------
+    /// DataError
+    ///     If columns differ in length, are missing or unknown, or a row cannot be used.
+    ///
     /// Examples
     /// --------
     /// >>> import dermatome
@@ -159,7 +172,14 @@ impl PyObservations {
     }
 
     /// Write them to a graph .g2o or a table .csv.
-    fn write(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+    ///
+    /// Raises
+    /// ------
+    /// FileError
+    ///     If it cannot be written.
+    /// DataError
+    ///     If the extension is another than .g2o or .csv.
+    fn write(&self, py: Python<'_>, #[pyo3(from_py_with = arg)] path: PathBuf) -> PyResult<()> {
         let observations = Arc::clone(&self.observations);
         run(py, 0, move |_| write_observations(&path, &observations))?.map_err(error)
     }

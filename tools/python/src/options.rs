@@ -13,6 +13,7 @@ use glam::DVec3;
 use pyo3::prelude::*;
 
 use crate::{
+    arguments::found,
     arrays::{one_each, pairs},
     errors::bad,
 };
@@ -70,7 +71,8 @@ pub(crate) fn unit(value: &Bound<'_, PyAny>) -> PyResult<f64> {
     match value.extract::<f64>() {
         Ok(metres) => positive("unit", metres),
         Err(_) => {
-            let name: String = value.extract()?;
+            let needed = "a word as \"mm\", or the length of the unit in m";
+            let name: String = value.extract().map_err(|_| bad("unit", found(value), needed))?;
             word("unit", &name, &[("m", 1.0), ("mm", 1e-3), ("cm", 1e-2), ("dm", 0.1), ("in", 0.0254)])
         }
     }
@@ -119,7 +121,8 @@ pub(crate) enum Extensive {
 impl Extensive {
     pub(crate) fn read(value: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
         let Some(value) = value else { return Ok(Self::All(false)) };
-        value.extract().map(Self::All).or_else(|_| value.extract().map(Self::Each))
+        let each = value.extract().map(Self::All).or_else(|_| value.extract().map(Self::Each));
+        each.map_err(|_: PyErr| bad("extensive", found(value), "True or False, or one for each channel"))
     }
 
     /// One for each of some channels; by default of as many as there are words.

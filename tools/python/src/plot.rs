@@ -15,6 +15,7 @@ use pyo3::{
 };
 
 use crate::{
+    arguments::arg,
     arrays::{Reduced, made_by, shaped, vector},
     errors::{bad, error},
     jobs::run,
@@ -157,7 +158,14 @@ impl PyPicture {
     }
 
     /// Write the picture to a file .svg or .png.
-    fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+    ///
+    /// Raises
+    /// ------
+    /// FileError
+    ///     If it cannot be written.
+    /// DataError
+    ///     If the extension is another than .svg or .png.
+    fn save(&self, py: Python<'_>, #[pyo3(from_py_with = arg)] path: PathBuf) -> PyResult<()> {
         let picture = Arc::clone(&self.picture);
         let bytes = match file_kind(&path).as_str() {
             "svg" => picture.to_svg().into_bytes(),
@@ -174,7 +182,7 @@ pub(crate) fn colours<'py>(
     py: Python<'py>,
     values: PyReadonlyArray3<'py, f32>,
     mask: PyReadonlyArray2<'py, bool>,
-    range: [f64; 2],
+    #[pyo3(from_py_with = arg)] range: [f64; 2],
 ) -> PyResult<Bound<'py, PyArray4<u8>>> {
     if !(range[0] < range[1] && range.iter().all(|x| x.is_finite())) {
         return Err(bad("range", format!("{range:?}"), "two numbers, the lower one first"));

@@ -18,6 +18,7 @@ use pyo3::{
 };
 
 use crate::{
+    arguments::{arg, object},
     arrays::{bad_shape, floats, matrix, one_each, one_number_each, shaped, vector},
     errors::{bad, error},
     jobs::{Stop, run, run_here},
@@ -48,8 +49,8 @@ fn arrays(py: Python<'_>, readings: Readings) -> PyResult<Bound<'_, PyDict>> {
 #[pyo3(signature = (path, layout="tnc"))]
 pub(crate) fn read_readings<'py>(
     py: Python<'py>,
-    path: PathBuf,
-    layout: &str,
+    #[pyo3(from_py_with = arg)] path: PathBuf,
+    #[pyo3(from_py_with = arg)] layout: &str,
 ) -> PyResult<Bound<'py, PyDict>> {
     let known = [("tnc", ReadingsLayout::TaxelsFirst), ("tcn", ReadingsLayout::ChannelsFirst)];
     let layout = word("layout", layout, &known)?;
@@ -61,7 +62,7 @@ pub(crate) fn read_readings<'py>(
 #[pyfunction]
 pub(crate) fn join_readings<'py>(
     py: Python<'py>,
-    map: &Bound<'py, PyMap>,
+    #[pyo3(from_py_with = object)] map: &Bound<'py, PyMap>,
     values: &Bound<'py, PyAny>,
     ids: &Bound<'py, PyAny>,
 ) -> PyResult<(Bound<'py, PyAny>, Vec<String>)> {
@@ -113,19 +114,19 @@ pub(crate) fn readings_of(
 #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
 pub(crate) fn condition_readings<'py>(
     py: Python<'py>,
-    map: &Bound<'py, PyMap>,
+    #[pyo3(from_py_with = object)] map: &Bound<'py, PyMap>,
     values: &Bound<'py, PyAny>,
     ids: Option<&Bound<'py, PyAny>>,
     timestamps: &Bound<'py, PyAny>,
-    channels: Vec<String>,
-    units: Vec<String>,
-    baseline: i64,
-    zero: Option<&str>,
+    #[pyo3(from_py_with = arg)] channels: Vec<String>,
+    #[pyo3(from_py_with = arg)] units: Vec<String>,
+    #[pyo3(from_py_with = arg)] baseline: i64,
+    #[pyo3(from_py_with = arg)] zero: Option<&str>,
     gains: Vec<(u32, f64)>,
     response: Option<&Bound<'py, PyResponse>>,
-    clip: Option<[f64; 2]>,
-    split_hz: Option<f64>,
-    fill: &str,
+    #[pyo3(from_py_with = arg)] clip: Option<[f64; 2]>,
+    #[pyo3(from_py_with = arg)] split_hz: Option<f64>,
+    #[pyo3(from_py_with = arg)] fill: &str,
 ) -> PyResult<Bound<'py, PyDict>> {
     let fill = word("fill", fill, &[("none", Fill::None), ("neighbours", Fill::Neighbours)])?;
     let readings = readings_of((values, timestamps, channels, units))?;
@@ -190,16 +191,16 @@ pub(crate) fn condition_readings<'py>(
 #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
 pub(crate) fn summarise_readings<'py>(
     py: Python<'py>,
-    map: &Bound<'py, PyMap>,
+    #[pyo3(from_py_with = object)] map: &Bound<'py, PyMap>,
     values: &Bound<'py, PyAny>,
     timestamps: &Bound<'py, PyAny>,
-    channel: &str,
-    unit: &str,
-    threshold: Option<f64>,
-    is_tared: bool,
-    stated: Option<f64>,
-    probe: &str,
-    level: Option<&str>,
+    #[pyo3(from_py_with = arg)] channel: &str,
+    #[pyo3(from_py_with = arg)] unit: &str,
+    #[pyo3(from_py_with = arg)] threshold: Option<f64>,
+    #[pyo3(from_py_with = arg)] is_tared: bool,
+    #[pyo3(from_py_with = arg)] stated: Option<f64>,
+    #[pyo3(from_py_with = arg)] probe: &str,
+    #[pyo3(from_py_with = arg)] level: Option<&str>,
 ) -> PyResult<(Bound<'py, PyList>, Option<f64>, usize)> {
     let values = floats("values", values)?;
     let &[frames, width] = values.shape() else {
@@ -253,7 +254,10 @@ pub(crate) fn summarise_readings<'py>(
 
 /// The number of the first channel that measures touches and is not tangential; 0 if none does.
 #[pyfunction]
-pub(crate) fn touch_channel(channels: Vec<String>, units: Vec<String>) -> PyResult<usize> {
+pub(crate) fn touch_channel(
+    #[pyo3(from_py_with = arg)] channels: Vec<String>,
+    #[pyo3(from_py_with = arg)] units: Vec<String>,
+) -> PyResult<usize> {
     for (k, (name, unit)) in channels.iter().zip(&units).enumerate() {
         if Channel::new(name, unit).map_err(error)?.kind == ChannelKind::Touch {
             return Ok(k);
@@ -264,22 +268,28 @@ pub(crate) fn touch_channel(channels: Vec<String>, units: Vec<String>) -> PyResu
 
 /// Whether a channel of this name and unit is an amount, as a force, and not an average.
 #[pyfunction]
-pub(crate) fn is_extensive(name: &str, unit: &str) -> PyResult<bool> {
+pub(crate) fn is_extensive(
+    #[pyo3(from_py_with = arg)] name: &str,
+    #[pyo3(from_py_with = arg)] unit: &str,
+) -> PyResult<bool> {
     Ok(Channel::new(name, unit).map_err(error)?.quantity == Quantity::Extensive)
 }
 
 /// An argument as an array of real numbers, or an error that names it.
 #[pyfunction]
-pub(crate) fn as_floats<'py>(name: &str, value: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+pub(crate) fn as_floats<'py>(
+    #[pyo3(from_py_with = arg)] name: &str,
+    value: &Bound<'py, PyAny>,
+) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
     Ok(floats(name, value)?.as_array().to_owned().into_pyarray(value.py()))
 }
 
 /// An argument as an array of `count` whole numbers from 0 on, or an error that names it.
 #[pyfunction]
 pub(crate) fn as_numbers<'py>(
-    name: &str,
+    #[pyo3(from_py_with = arg)] name: &str,
     value: &Bound<'py, PyAny>,
-    count: usize,
+    #[pyo3(from_py_with = arg)] count: usize,
 ) -> PyResult<Bound<'py, PyArray1<u32>>> {
     Ok(vector(value.py(), one_number_each(name, value, count)?))
 }
@@ -292,21 +302,21 @@ pub(crate) fn as_numbers<'py>(
 pub(crate) fn simulate_touch<'py>(
     py: Python<'py>,
     skin: &Bound<'py, PyAny>,
-    presses: i64,
-    touches: i64,
-    radius: f64,
-    depth: f64,
-    stiffness: f64,
-    roll: f64,
-    duration: f64,
-    pause: f64,
-    rate: f64,
-    taxel_radius: f64,
-    extensive: bool,
-    noise: f64,
-    drift: f64,
-    dead: f64,
-    seed: u64,
+    #[pyo3(from_py_with = arg)] presses: i64,
+    #[pyo3(from_py_with = arg)] touches: i64,
+    #[pyo3(from_py_with = arg)] radius: f64,
+    #[pyo3(from_py_with = arg)] depth: f64,
+    #[pyo3(from_py_with = arg)] stiffness: f64,
+    #[pyo3(from_py_with = arg)] roll: f64,
+    #[pyo3(from_py_with = arg)] duration: f64,
+    #[pyo3(from_py_with = arg)] pause: f64,
+    #[pyo3(from_py_with = arg)] rate: f64,
+    #[pyo3(from_py_with = arg)] taxel_radius: f64,
+    #[pyo3(from_py_with = arg)] extensive: bool,
+    #[pyo3(from_py_with = arg)] noise: f64,
+    #[pyo3(from_py_with = arg)] drift: f64,
+    #[pyo3(from_py_with = arg)] dead: f64,
+    #[pyo3(from_py_with = arg)] seed: u64,
 ) -> PyResult<Bound<'py, PyDict>> {
     let skin = match (skin.cast::<PySkin>(), skin.cast::<PyMap>()) {
         (Ok(skin), _) => Arc::clone(&skin.get().skin),

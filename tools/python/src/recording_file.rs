@@ -13,6 +13,7 @@ use pyo3::{
 };
 
 use crate::{
+    arguments::arg,
     arrays::{shaped, vector},
     errors::{bad, error},
     layout::PyLayout,
@@ -31,6 +32,13 @@ use crate::{
 ///     What the numbers mean, where the file does not state it.
 /// episode : int, optional
 ///     The one episode that is read, where the layout has an axis of them.
+///
+/// Raises
+/// ------
+/// MissingFileError, FileError
+///     If it does not exist, or cannot be read.
+/// DataError
+///     If it has no such stream or episode, or the layout does not fit.
 #[pyclass(frozen, module = "dermatome", name = "RecordingFile")]
 pub(crate) struct PyRecordingFile {
     reader: Mutex<ReadingsReader>,
@@ -51,10 +59,10 @@ impl PyRecordingFile {
     #[new]
     #[pyo3(signature = (path, stream=None, layout=None, episode=None))]
     fn new(
-        path: PathBuf,
-        stream: Option<String>,
+        #[pyo3(from_py_with = arg)] path: PathBuf,
+        #[pyo3(from_py_with = arg)] stream: Option<String>,
         layout: Option<&Bound<'_, PyLayout>>,
-        episode: Option<u64>,
+        #[pyo3(from_py_with = arg)] episode: Option<u64>,
     ) -> PyResult<Self> {
         let layout = layout.map(|layout| layout.get().layout.clone());
         let options = ReadOptions { layout, stream: stream.clone(), episode, ..ReadOptions::default() };
@@ -63,8 +71,13 @@ impl PyRecordingFile {
     }
 
     /// Whether the library knows a file by its content or its name.
+    ///
+    /// Raises
+    /// ------
+    /// DataError
+    ///     If it is no path.
     #[staticmethod]
-    fn is_known(path: PathBuf) -> bool {
+    fn is_known(#[pyo3(from_py_with = arg)] path: PathBuf) -> bool {
         ReadingsReader::is_known(&path)
     }
 
@@ -79,11 +92,16 @@ impl PyRecordingFile {
     /// -------
     /// tuple or None
     ///     The number of the episode of these frames, values (T, C, N) and seconds (T,), float64; None after the last frame.
+    ///
+    /// Raises
+    /// ------
+    /// DataError
+    ///     If a line or frame cannot be read: the message says which.
     #[expect(clippy::type_complexity, reason = "a number and two arrays")]
     fn next<'py>(
         &self,
         py: Python<'py>,
-        frames: i64,
+        #[pyo3(from_py_with = arg)] frames: i64,
     ) -> PyResult<Option<(u64, Bound<'py, PyArray3<f64>>, Bound<'py, PyArray1<f64>>)>> {
         let frames = count("frames", frames)?;
         if frames == 0 {
@@ -171,7 +189,8 @@ impl PyRecordingFile {
         Ok(streams)
     }
 
-    /// tuple of bool and float or None: Whether readings are about 0 where nothing touches, and the threshold that is stated.
+    /// tuple of bool and float or None: Whether readings are about 0 where nothing touches, and the threshold that is stated, in their
+    /// unit.
     #[getter]
     fn rest(&self) -> (bool, Option<f64>) {
         self.with(|reader| (reader.rest.is_zero, reader.rest.threshold))

@@ -24,6 +24,7 @@ use pyo3::{
 };
 
 use crate::{
+    arguments::{arg, object},
     arrays::{
         Reals, Reduced, bad_shape, floats, made_by, map_frame, matrix, one_each, reals, shaped, vector, zeros,
     },
@@ -374,6 +375,11 @@ impl PyRenderer {
     ///     Row and column, whole at the centres of pixels: `numpy.rint` gives the pixel. NaN for a query without an
     ///     answer and for patches that are not drawn.
     ///
+    /// Raises
+    /// ------
+    /// DataError
+    ///     If they are of another level or map.
+    ///
     /// Examples
     /// --------
     /// >>> import dermatome
@@ -388,7 +394,7 @@ impl PyRenderer {
     fn pixels_of<'py>(
         &self,
         py: Python<'py>,
-        hits: &Bound<'py, PyHits>,
+        #[pyo3(from_py_with = object)] hits: &Bound<'py, PyHits>,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let (hits, wanted) = (hits.get(), self.plan.level.index());
         let refuse =
@@ -436,6 +442,11 @@ impl PyRenderer {
     ///     Outward unit normals there.
     /// off_chart : (k,) float64 array
     ///     How far outside of all maps the place is, in m; the point is then that of the nearest place of one.
+    ///
+    /// Raises
+    /// ------
+    /// DataError
+    ///     If shapes differ, or a number is not finite.
     fn to_skin<'py>(
         &self,
         py: Python<'py>,
@@ -506,19 +517,28 @@ impl PyRenderer {
     /// rate : float
     ///     Frames per second.
     /// range : (2,) sequence of float, optional
-    ///     Values at the ends of the scale of colours; by default the smallest and the largest, from 0 on if none is
+    ///     Values at the ends of the scale of colours, in the unit of the values; by default the smallest and the largest, from 0 on if none is
     ///     negative.
     /// magnification : int
     ///     Pixels of the video for each pixel of the images, in each direction.
+    ///
+    /// Raises
+    /// ------
+    /// FileError
+    ///     If it cannot be written.
+    /// DataError
+    ///     If the shape is another, or channel, rate, range or magnification is out of its range.
+    /// ImportError
+    ///     If imageio is not installed.
     #[pyo3(signature = (values, path, *, channel=0, rate=30.0, range=None, magnification=4))]
     fn video(
         slf: &Bound<'_, Self>,
         values: &Bound<'_, PyAny>,
-        path: PathBuf,
-        channel: i64,
-        rate: f64,
-        range: Option<[f64; 2]>,
-        magnification: i64,
+        #[pyo3(from_py_with = arg)] path: PathBuf,
+        #[pyo3(from_py_with = arg)] channel: i64,
+        #[pyo3(from_py_with = arg)] rate: f64,
+        #[pyo3(from_py_with = arg)] range: Option<[f64; 2]>,
+        #[pyo3(from_py_with = arg)] magnification: i64,
     ) -> PyResult<()> {
         let numbers = (
             count("channel", channel)?,
@@ -542,8 +562,13 @@ impl PyRenderer {
     /// Returns
     /// -------
     /// Matrix
+    ///
+    /// Raises
+    /// ------
+    /// DataError
+    ///     If there is no such channel.
     #[pyo3(signature = (channel=0))]
-    fn matrix(&self, py: Python<'_>, channel: i64) -> PyResult<PyMatrix> {
+    fn matrix(&self, py: Python<'_>, #[pyo3(from_py_with = arg)] channel: i64) -> PyResult<PyMatrix> {
         let known = usize::try_from(channel).ok().and_then(|k| self.extensive.get(k).copied());
         let needed = || format!("a channel from 0 to {}", self.extensive.len() - 1);
         let quantity = quantity(known.ok_or_else(|| bad("channel", channel, needed()))?);

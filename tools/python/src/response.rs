@@ -16,6 +16,7 @@ use numpy::PyArray1;
 use pyo3::{prelude::*, types::PyDict};
 
 use crate::{
+    arguments::{arg, object},
     arrays::{Reduced, places, vector},
     errors::{bad, error},
     jobs::run,
@@ -47,14 +48,26 @@ impl PyResponse {
     /// Returns
     /// -------
     /// Response
+    ///
+    /// Raises
+    /// ------
+    /// MissingFileError, FileError
+    ///     If it does not exist, or cannot be read.
+    /// DataError
+    ///     If a line cannot be used: the message says which.
     #[staticmethod]
-    fn read(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
+    fn read(py: Python<'_>, #[pyo3(from_py_with = arg)] path: PathBuf) -> PyResult<Self> {
         let (response, _) = run(py, 0, move |_| read_response(&path))?.map_err(error)?;
         Ok(Self { response: Arc::new(response) })
     }
 
     /// Write a table .csv.
-    fn write(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+    ///
+    /// Raises
+    /// ------
+    /// FileError
+    ///     If it cannot be written.
+    fn write(&self, py: Python<'_>, #[pyo3(from_py_with = arg)] path: PathBuf) -> PyResult<()> {
         let response = Arc::clone(&self.response);
         run(py, 0, move |_| write_response(&path, &response))?.map_err(error)
     }
@@ -77,7 +90,7 @@ impl PyResponse {
         self.numbers(py, |taxel| taxel.gain)
     }
 
-    /// (N,) ndarray: The exponent.
+    /// (N,) ndarray: The exponent, without a unit.
     #[getter]
     fn exponent<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         self.numbers(py, |taxel| taxel.exponent)
@@ -188,12 +201,12 @@ const fn zero_of(zero: Option<f64>) -> Zero {
 #[pyo3(signature = (map, recordings, *, pressure=None, force=None, relative=None, zero=None))]
 pub(crate) fn estimate_response(
     py: Python<'_>,
-    map: &Bound<'_, PyMap>,
+    #[pyo3(from_py_with = object)] map: &Bound<'_, PyMap>,
     recordings: Vec<Bound<'_, PyAny>>,
     pressure: Option<&Bound<'_, PyAny>>,
     force: Option<&Bound<'_, PyAny>>,
     relative: Option<&Bound<'_, PyResponse>>,
-    zero: Option<f64>,
+    #[pyo3(from_py_with = arg)] zero: Option<f64>,
 ) -> PyResult<PyResponse> {
     let rows = |name: &str, value: &Bound<'_, PyAny>| -> PyResult<Vec<[f64; 2]>> {
         Ok(places(name, value)?.into_iter().map(|row| row.to_array()).collect())
@@ -228,11 +241,11 @@ pub(crate) fn estimate_response(
 #[pyo3(signature = (map, recordings, *, threshold=None, modules=Vec::new(), zero=None))]
 pub(crate) fn examine_taxels<'py>(
     py: Python<'py>,
-    map: &Bound<'py, PyMap>,
+    #[pyo3(from_py_with = object)] map: &Bound<'py, PyMap>,
     recordings: Vec<Bound<'py, PyAny>>,
-    threshold: Option<f64>,
+    #[pyo3(from_py_with = arg)] threshold: Option<f64>,
     modules: Vec<(u32, String)>,
-    zero: Option<f64>,
+    #[pyo3(from_py_with = arg)] zero: Option<f64>,
 ) -> PyResult<(Vec<Bound<'py, PyDict>>, PyResponse)> {
     let readings = all_readings(recordings)?;
     let modules = modules.into_iter().map(|(id, module)| (TaxelId(id), module)).collect();
@@ -268,11 +281,11 @@ pub(crate) fn examine_taxels<'py>(
 #[pyo3(signature = (map, recordings, *, known=Vec::new(), threshold=None, zero=None))]
 pub(crate) fn order_columns<'py>(
     py: Python<'py>,
-    map: &Bound<'py, PyMap>,
+    #[pyo3(from_py_with = object)] map: &Bound<'py, PyMap>,
     recordings: Vec<Bound<'py, PyAny>>,
     known: Vec<(usize, u32)>,
-    threshold: Option<f64>,
-    zero: Option<f64>,
+    #[pyo3(from_py_with = arg)] threshold: Option<f64>,
+    #[pyo3(from_py_with = arg)] zero: Option<f64>,
 ) -> PyResult<(Bound<'py, PyArray1<i64>>, Bound<'py, PyDict>)> {
     let readings = all_readings(recordings)?;
     let known: Vec<(usize, TaxelId)> = known.into_iter().map(|(column, id)| (column, TaxelId(id))).collect();

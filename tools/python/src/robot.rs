@@ -14,6 +14,7 @@ use pyo3::{
 };
 
 use crate::{
+    arguments::{arg, object_or_none},
     arrays::Reduced,
     errors::{bad, error},
     index::{pose_array, pose_of},
@@ -60,8 +61,15 @@ impl PyRobot {
     /// Returns
     /// -------
     /// Robot
+    ///
+    /// Raises
+    /// ------
+    /// MissingFileError, FileError
+    ///     If it does not exist, or cannot be read.
+    /// DataError
+    ///     If it is no description of a robot: the message says which line.
     #[staticmethod]
-    fn read(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
+    fn read(py: Python<'_>, #[pyo3(from_py_with = arg)] path: PathBuf) -> PyResult<Self> {
         let robot = run(py, 0, move |_| read_robot(&path))?.map_err(error)?;
         Ok(Self { robot })
     }
@@ -78,11 +86,16 @@ impl PyRobot {
     /// -------
     /// dict of str to (4, 4) float64 array
     ///     The frame of each link in that of the first.
+    ///
+    /// Raises
+    /// ------
+    /// DataError
+    ///     If a joint is unknown, or its value is not finite.
     #[pyo3(signature = (joints=None))]
     fn poses<'py>(
         &self,
         py: Python<'py>,
-        joints: Option<&Bound<'py, PyDict>>,
+        #[pyo3(from_py_with = object_or_none)] joints: Option<&Bound<'py, PyDict>>,
     ) -> PyResult<Bound<'py, PyDict>> {
         let mut given = Vec::new();
         for (name, value) in joints.into_iter().flatten() {

@@ -26,7 +26,8 @@ use pyo3::{
 };
 
 use crate::{
-    arrays::{bytes_of, matrix, one_code_each, one_number_each, points, triangles, vector},
+    arguments::{Argument, arg, found, object_or_none},
+    arrays::{bytes_of, floats, matrix, one_code_each, one_number_each, points, triangles, vector},
     errors::{bad, error},
     index::pose_of,
     jobs::run,
@@ -158,13 +159,13 @@ impl PySkin {
     /// unit : {"m", "mm", "cm", "dm", "in"} or float
     ///     Unit of the lengths in the file; a number is a length in m.
     /// gap : float
-    ///     Longest edge between taxels without triangles over their spacing, from 1 to 20.
+    ///     Longest edge between taxels without triangles over their spacing, a ratio from 1 to 20.
     /// weld : {"auto", "all", "none", "texture"}
     ///     Which vertices at exactly one place become one taxel.
     /// repair : bool, optional
     ///     Whether faulty triangles are repaired; by default those of .stl, .dae, .3mf and .urdf files.
     /// outside : (3,) array_like, optional
-    ///     Direction of the outside of taxels without triangles and normals.
+    ///     Direction of the outside of taxels without triangles and normals, of any length, without a unit.
     /// fill_holes : int, optional
     ///     Fill holes of at most this many edges; by default pin-holes.
     /// patches : sequence of str, optional
@@ -184,6 +185,14 @@ impl PySkin {
     /// Returns
     /// -------
     /// Skin
+    ///
+    /// Raises
+    /// ------
+    /// MissingFileError, FileError
+    ///     If it does not exist, or cannot be read.
+    /// DataError
+    ///     If the file is damaged, of an unknown kind, or no skin: the message says which vertex, face or line; or a
+    ///     name or number cannot be used.
     #[staticmethod]
     #[pyo3(signature = (path, *, unit=None, gap=2.5, weld="auto", repair=None, outside=None, fill_holes=None,
         patches=None, keep_going=false, outer=false, spacing=None, least_area=None))]
@@ -192,18 +201,22 @@ impl PySkin {
         py: Python<'_>,
         path: &Bound<'_, PyAny>,
         unit: Option<&Bound<'_, PyAny>>,
-        gap: f64,
-        weld: &str,
-        repair: Option<bool>,
+        #[pyo3(from_py_with = arg)] gap: f64,
+        #[pyo3(from_py_with = arg)] weld: &str,
+        #[pyo3(from_py_with = arg)] repair: Option<bool>,
         outside: Option<Bound<'_, PyAny>>,
-        fill_holes: Option<i64>,
-        patches: Option<Vec<String>>,
-        keep_going: bool,
-        outer: bool,
+        #[pyo3(from_py_with = arg)] fill_holes: Option<i64>,
+        #[pyo3(from_py_with = arg)] patches: Option<Vec<String>>,
+        #[pyo3(from_py_with = arg)] keep_going: bool,
+        #[pyo3(from_py_with = arg)] outer: bool,
         spacing: Option<&Bound<'_, PyAny>>,
-        least_area: Option<f64>,
+        #[pyo3(from_py_with = arg)] least_area: Option<f64>,
     ) -> PyResult<Self> {
-        let paths: Vec<PathBuf> = path.extract().map(|path| vec![path]).or_else(|_| path.extract())?;
+        let paths: Vec<PathBuf> = path
+            .extract()
+            .map(|path| vec![path])
+            .or_else(|_| path.extract())
+            .map_err(|_: PyErr| bad("path", found(path), Vec::<PathBuf>::needed()))?;
         let repair = repair.unwrap_or_else(|| paths.iter().any(|path| is_stl(path)));
         let options = Reading { gap, weld, repair, outside, fill_holes, keep_going }.options()?;
         let metres = unit.map_or(Ok(1.0), self::unit)?;
@@ -249,14 +262,42 @@ impl PySkin {
     /// Returns
     /// -------
     /// Skin
+    ///
+    /// Raises
+    /// ------
+    /// DataError
+    ///     If the content is not a whole file of this kind, or no skin.
     #[staticmethod]
     #[pyo3(signature = (data, kind="glb"))]
-    fn from_bytes(py: Python<'_>, data: &Bound<'_, PyAny>, kind: &str) -> PyResult<Self> {
+    fn from_bytes(
+        py: Python<'_>,
+        data: &Bound<'_, PyAny>,
+        #[pyo3(from_py_with = arg)] kind: &str,
+    ) -> PyResult<Self> {
         let name = PathBuf::from(format!("skin.{}", kind.trim_start_matches('.')));
         let (repair, data) = (is_stl(&name), bytes_of("data", data)?);
         let draft =
             run(py, 0, move |_| draft_from_bytes(&name, data, ReadParts::default()))?.map_err(error)?;
         Self::assembled(py, draft, AssembleOptions { repair, ..AssembleOptions::default() })
+    }
+
+    /// The forearm of the documents: 1000 taxels of one patch, which the package carries.
+    ///
+    /// Returns
+    /// -------
+    /// Skin
+    ///
+    /// Examples
+    /// --------
+    /// >>> import dermatome
+    /// >>> skin = dermatome.Skin.example()
+    /// >>> skin.patches, skin.n_taxels
+    /// (('forearm',), 1000)
+    #[staticmethod]
+    fn example(py: Python<'_>) -> PyResult<Self> {
+        let folder = py.import("importlib.resources")?.call_method1("files", ("dermatome",))?;
+        let data = folder.call_method1("joinpath", ("forearm.glb",))?.call_method0("read_bytes")?;
+        Self::from_bytes(py, &data, "glb")
     }
 
     /// Make a skin from arrays.
@@ -268,7 +309,7 @@ impl PySkin {
     /// faces : (m, 3) array_like of int, optional
     ///     Triangles, counter-clockwise from outside; without them the taxels are joined to their neighbours.
     /// normals : (n, 3) array_like, optional
-    ///     Outward normals.
+    ///     Outward normals, of any length, without a unit.
     /// ids : (n,) array_like of int, optional
     ///     Ids of the taxels; by default they count from 1.
     /// present : (n,) array_like of int or bool, optional
@@ -282,6 +323,11 @@ impl PySkin {
     /// Returns
     /// -------
     /// Skin
+    ///
+    /// Raises
+    /// ------
+    /// DataError
+    ///     If shapes differ, a corner is no position, a number is not finite, or the triangles are no surface.
     #[staticmethod]
     #[pyo3(signature = (positions, faces=None, *, normals=None, ids=None, present=None, link=None, patch=None,
         gap=2.5, weld="auto", repair=false, outside=None, fill_holes=None))]
@@ -295,11 +341,11 @@ impl PySkin {
         present: Option<&Bound<'_, PyAny>>,
         link: Option<&Bound<'_, PyAny>>,
         patch: Option<&Bound<'_, PyAny>>,
-        gap: f64,
-        weld: &str,
-        repair: bool,
+        #[pyo3(from_py_with = arg)] gap: f64,
+        #[pyo3(from_py_with = arg)] weld: &str,
+        #[pyo3(from_py_with = arg)] repair: bool,
         outside: Option<Bound<'_, PyAny>>,
-        fill_holes: Option<i64>,
+        #[pyo3(from_py_with = arg)] fill_holes: Option<i64>,
     ) -> PyResult<Self> {
         let options = Reading { gap, weld, repair, outside, fill_holes, keep_going: false }.options()?;
         let mut draft = draft_of(positions, faces)?;
@@ -350,11 +396,11 @@ impl PySkin {
         present: Option<&Bound<'py, PyAny>>,
         link: Option<&Bound<'py, PyAny>>,
         patch: Option<&Bound<'py, PyAny>>,
-        gap: f64,
-        weld: &str,
-        repair: bool,
+        #[pyo3(from_py_with = arg)] gap: f64,
+        #[pyo3(from_py_with = arg)] weld: &str,
+        #[pyo3(from_py_with = arg)] repair: bool,
         outside: Option<Bound<'py, PyAny>>,
-        fill_holes: Option<i64>,
+        #[pyo3(from_py_with = arg)] fill_holes: Option<i64>,
     ) -> PyResult<Self> {
         let (positions, faces): (Bound<'_, PyAny>, Option<Bound<'_, PyAny>>) =
             py.import("dermatome._mesh")?.call_method1("arrays_of", (mesh,))?.extract()?;
@@ -379,6 +425,11 @@ impl PySkin {
     /// -------
     /// Skin
     ///
+    /// Raises
+    /// ------
+    /// DataError
+    ///     If links of one name differ in parent or pose, or a pose is not rigid or of no link.
+    ///
     /// Examples
     /// --------
     /// >>> import dermatome, numpy as np
@@ -391,7 +442,10 @@ impl PySkin {
     /// (('palm', 'thumb'), ('palm', 'thumb'), 162)
     #[staticmethod]
     #[pyo3(signature = (skins, *, poses=None))]
-    fn join(skins: Vec<Bound<'_, Self>>, poses: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
+    fn join(
+        #[pyo3(from_py_with = arg)] skins: Vec<Bound<'_, Self>>,
+        #[pyo3(from_py_with = object_or_none)] poses: Option<&Bound<'_, PyDict>>,
+    ) -> PyResult<Self> {
         let mut given = Vec::new();
         for (name, value) in poses.into_iter().flatten() {
             let name: String =
@@ -431,15 +485,35 @@ impl PySkin {
     /// -------
     /// tuple of str
     ///     What a file of this kind does not keep, a sentence each; .glb keeps everything.
-    fn write<'py>(&self, py: Python<'py>, path: PathBuf) -> PyResult<Bound<'py, PyTuple>> {
+    ///
+    /// Raises
+    /// ------
+    /// FileError
+    ///     If it cannot be written.
+    /// DataError
+    ///     If the kind is unknown or cannot hold the skin.
+    fn write<'py>(
+        &self,
+        py: Python<'py>,
+        #[pyo3(from_py_with = arg)] path: PathBuf,
+    ) -> PyResult<Bound<'py, PyTuple>> {
         let (skin, to) = (Arc::clone(&self.skin), path.clone());
         run(py, 0, move |_| write_skin(&to, &skin))?.map_err(error)?;
         PyTuple::new(py, lost_in(&path, &self.skin))
     }
 
     /// The content of a file of this skin, of a kind that is one file.
+    ///
+    /// Raises
+    /// ------
+    /// DataError
+    ///     If the kind is unknown, is several files, or cannot hold the skin.
     #[pyo3(signature = (kind="glb"))]
-    fn to_bytes<'py>(&self, py: Python<'py>, kind: &str) -> PyResult<Bound<'py, PyBytes>> {
+    fn to_bytes<'py>(
+        &self,
+        py: Python<'py>,
+        #[pyo3(from_py_with = arg)] kind: &str,
+    ) -> PyResult<Bound<'py, PyBytes>> {
         let name = PathBuf::from(format!("skin.{}", kind.trim_start_matches('.')));
         let skin = Arc::clone(&self.skin);
         Ok(PyBytes::new(py, &run(py, 0, move |_| skin_to_bytes(&name, &skin))?.map_err(error)?))
@@ -532,15 +606,19 @@ fn read_drafts(paths: &[PathBuf], parts: ReadParts, outer: bool) -> Result<(Draf
 
 /// The wanted spacing of the taxels of each patch, in m: a number, or one for names of links.
 fn spacings(value: &Bound<'_, PyAny>, skin: &Skin) -> PyResult<Vec<f64>> {
+    let length = |value: &Bound<'_, PyAny>| {
+        let metres = value.extract().map_err(|_| bad("spacing", found(value), "a length in m"));
+        positive("spacing", metres?)
+    };
     let Ok(of_links) = value.cast::<PyDict>() else {
-        return Ok(vec![positive("spacing", value.extract()?)?; skin.patches.len()]);
+        return Ok(vec![length(value)?; skin.patches.len()]);
     };
     let fits = value.py().import("fnmatch")?.getattr("fnmatchcase")?;
     let of_patch = |patch: &Patch| {
         let name = &skin.links[patch.link].name;
         for (pattern, spacing) in of_links {
             if fits.call1((name, &pattern))?.extract()? {
-                return positive("spacing", spacing.extract()?);
+                return length(&spacing);
             }
         }
         Err(bad("spacing", format!("no name of the link {name:?}"), "one, or \"*\" for all others"))
@@ -674,6 +752,13 @@ fn presence(name: &str, value: &Bound<'_, PyAny>, count: usize) -> PyResult<Vec<
 ///     For each finding its `kind`, `severity` ("error": `build` refuses it), `patch`, `elements` (numbers of
 ///     vertices or faces) and `message`.
 ///
+/// Raises
+/// ------
+/// MissingFileError, FileError
+///     If it does not exist, or cannot be read.
+/// DataError
+///     If it cannot be read at all; what is wrong with a skin is a finding.
+///
 /// Examples
 /// --------
 /// >>> import dermatome
@@ -687,9 +772,9 @@ pub(crate) fn check<'py>(
     source: &Bound<'py, PyAny>,
     faces: Option<&Bound<'py, PyAny>>,
     unit: Option<&Bound<'py, PyAny>>,
-    gap: f64,
-    weld: &str,
-    repair: Option<bool>,
+    #[pyo3(from_py_with = arg)] gap: f64,
+    #[pyo3(from_py_with = arg)] weld: &str,
+    #[pyo3(from_py_with = arg)] repair: Option<bool>,
 ) -> PyResult<Bound<'py, PyList>> {
     let (mut draft, stl) = match (source.extract::<PathBuf>(), faces) {
         (Ok(path), None) => {
@@ -697,7 +782,10 @@ pub(crate) fn check<'py>(
             (run(py, 0, move |_| read_draft_with(&path, ReadParts::default()))?.map_err(error)?, stl)
         }
         (Ok(_), Some(_)) => return Err(bad("faces", "triangles of a file", "None")),
-        (Err(_), faces) => (draft_of(source, faces)?, false),
+        (Err(_), faces) => {
+            floats("source", source)?;
+            (draft_of(source, faces)?, false)
+        }
     };
     let repair = repair.unwrap_or(stl);
     let options =

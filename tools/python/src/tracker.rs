@@ -18,6 +18,7 @@ use pyo3::{
 };
 
 use crate::{
+    arguments::{arg, object},
     arrays::{Reduced, bad_shape, floats, made_by, one_each, vector},
     errors::{bad, error},
     map::PyMap,
@@ -54,6 +55,11 @@ use crate::{
 ///
 /// Two taxels next to the same taxel without a reading (NaN) count as neighbours, so that a dead taxel does not cut a
 /// contact in two. A tracker that is pickled or copied goes on with what it has learned and follows.
+///
+/// Raises
+/// ------
+/// DataError
+///     If a unit or word is unknown, or a number is out of its range.
 #[pyclass(frozen, module = "dermatome", name = "ContactTracker")]
 #[derive(Debug)]
 pub(crate) struct PyContactTracker {
@@ -72,17 +78,17 @@ impl PyContactTracker {
         noise_frames=5, reach=0.01, lasting=1))]
     #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
     fn new(
-        map: &Bound<'_, PyMap>,
-        unit: &str,
-        probe: &str,
-        threshold: Option<f64>,
-        low: Option<f64>,
-        least: i64,
-        prominence: f64,
-        part: i64,
-        noise_frames: i64,
-        reach: f64,
-        lasting: i64,
+        #[pyo3(from_py_with = object)] map: &Bound<'_, PyMap>,
+        #[pyo3(from_py_with = arg)] unit: &str,
+        #[pyo3(from_py_with = arg)] probe: &str,
+        #[pyo3(from_py_with = arg)] threshold: Option<f64>,
+        #[pyo3(from_py_with = arg)] low: Option<f64>,
+        #[pyo3(from_py_with = arg)] least: i64,
+        #[pyo3(from_py_with = arg)] prominence: f64,
+        #[pyo3(from_py_with = arg)] part: i64,
+        #[pyo3(from_py_with = arg)] noise_frames: i64,
+        #[pyo3(from_py_with = arg)] reach: f64,
+        #[pyo3(from_py_with = arg)] lasting: i64,
     ) -> PyResult<Self> {
         let (of, map) = (map, &map.get().map);
         let probe = self::probe(probe)?;
@@ -122,12 +128,17 @@ impl PyContactTracker {
     ///     For each contact its `track`, `event` ("onset", "move" or "release"), `age`, `patch`, `link`, `taxels` (on that patch), `patches`, `beyond` (the taxels on other patches),
     ///     `area` (m^2), `force` (N), `centre` and `normal` (m, frame of the link), `uv` (m on the map), `major`,
     ///     `minor` (m), `angle` (rad), `peak_taxel` and `peak`.
+    ///
+    /// Raises
+    /// ------
+    /// DataError
+    ///     If the shape is another, a number is infinite, or the time is not after the last one.
     #[pyo3(signature = (values, time=None))]
     fn track<'py>(
         &self,
         py: Python<'py>,
         values: &Bound<'py, PyAny>,
-        time: Option<f64>,
+        #[pyo3(from_py_with = arg)] time: Option<f64>,
     ) -> PyResult<Bound<'py, PyList>> {
         let values = floats("values", values)?;
         if values.shape() != [self.taxels] {
@@ -147,7 +158,7 @@ impl PyContactTracker {
         Ok(contacts)
     }
 
-    /// float or None: The threshold, given or estimated; None while it is not known.
+    /// float or None: The threshold, given or estimated, in the unit of the readings; None while it is not known.
     #[getter]
     fn threshold(&self) -> Option<f64> {
         self.lock().0.threshold()

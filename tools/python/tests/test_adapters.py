@@ -190,6 +190,37 @@ def test_counts_of_batches_add_up(dome_map):
     )
 
 
+def test_ray_draws_episodes_and_goes_on_where_it_was(dome_map, tmp_path):
+    """A file for each episode, the images and values of the renderer, and no episode is read twice."""
+    import dermatome.ray as adapter
+
+    values = np.random.default_rng(3).random((5, 20, 256))
+    np.save(tmp_path / "glove.npy", values)
+    layout = {"dermatome_layout": 1, "axes": ["episode", "frame", "taxel"], "time": {"rate": 50}, "press": "raises", "zero": 0}
+    layout |= {"channels": [{"name": "force", "unit": "N"}], "taxels": {"ids": dome_map.ids.tolist()}}
+    rows = adapter.episodes([tmp_path / "glove.npy"], layout=layout)
+    assert [(row["episode"], row["file"]) for row in rows] == [(k, f"glove.{k:06d}") for k in range(5)]
+    for folder, level, options in (("images", 0, {"size": (16, 24), "fill": 0.0}), ("fields", 1, None)):
+        render = adapter.Render(dome_map.to_bytes(), tmp_path / folder, level, options, layout=layout)
+        said = [render(row) for row in rows[::-1]]
+        assert [row["frames"] for row in said] == [20] * 5 and not any(row["error"] for row in said)
+        for k in range(5):
+            with np.load(tmp_path / folder / f"glove.{k:06d}.npz") as made:
+                draw = dome_map.renderer(level, extensive=True, **options) if options else lambda x: dome_map.pool(x, level, extensive=True)
+                assert np.array_equal(made["values"], draw(values[k][:, None]))
+                assert np.allclose(made["timestamps"], np.arange(20) / 50) and made["units"].tolist() == ["N"]
+    with pytest.raises(dermatome.DataError, match="different names"):
+        adapter.episodes([tmp_path / "glove.npy", tmp_path / "images/glove.npy"], layout=layout)
+    # What is there is not read again, and a half file is none.
+    (tmp_path / "glove.npy").write_bytes(b"gone")
+    (tmp_path / "fields/glove.000004.npz").unlink()
+    (tmp_path / "fields/.glove.000004.npz.1.part").write_bytes(b"half")
+    again = adapter.Render(dome_map.to_bytes(), tmp_path / "fields", 1, layout=layout)
+    assert [row["frames"] for row in map(again, rows)] == [20, 20, 20, 20, 0] and "glove.npy" in again(rows[4])["error"]
+    with pytest.raises(dermatome.DataError, match="level: found 9"):
+        adapter.Render(dome_map.to_bytes(), tmp_path / "fields", 9)
+
+
 def test_ray_gives_the_same_total(dome_map, tmp_path):
     ray = pytest.importorskip("ray")
     arrow = pytest.importorskip("pyarrow")
@@ -213,6 +244,13 @@ def test_ray_gives_the_same_total(dome_map, tmp_path):
             compute=ray.data.ActorPoolStrategy(size=2),
         )
         together = adapter.total(cells.map_batches(adapter.touch_counts, batch_format="pyarrow"))
+        for k in range(3):
+            dermatome.Readings.from_arrays(points[:256, k] + np.zeros((4, 1)), units="N").write(tmp_path / f"axis{k}.npz")
+        rows = adapter.episodes(tmp_path / f"axis{k}.npz" for k in range(3))
+        drawn = ray.data.from_items(rows).map(adapter.Render, fn_constructor_args=(dome_map.to_bytes(), tmp_path / "drawn", 1), concurrency=2)
+        assert sorted(row["frames"] for row in drawn.take_all()) == [4, 4, 4]
+        with np.load(tmp_path / "drawn/axis2.000000.npz") as made:
+            assert np.array_equal(made["values"][0, 0], dome_map.pool(points[:256, 2], 1, extensive=True))
     finally:
         ray.shutdown()
     assert together.select(["field", "count"]).to_pylist() == alone.select(["field", "count"]).to_pylist()

@@ -225,7 +225,6 @@ def test_a_bad_point_is_named_in_any_batch(index):
         index.locate(points)
 
 
-@pytest.mark.skipif(sys.version_info < (3, 11), reason="exceptions have notes since Python 3.11")
 def test_numbers_that_are_too_large_are_named(dome_map):
     for name, call in [
         ("threads", lambda huge: dome_map.pool(np.zeros(256), 1, threads=huge)),
@@ -234,9 +233,8 @@ def test_numbers_that_are_too_large_are_named(dome_map):
         ("longest", lambda huge: dome_map.index().ray(np.zeros((1, 3)), np.ones((1, 3)), longest=huge)),
         ("pixel", lambda huge: dome_map.renderer(pixel=huge)),
     ]:
-        with pytest.raises(OverflowError) as found:
+        with pytest.raises(dermatome.DataError, match=f"^{name}: found .*; needed: .*number"):
             call(10**400)
-        assert f"'{name}'" in found.value.__notes__[0]
     with pytest.raises(dermatome.DataError, match="level: found 1000"):
         dome_map.pool(np.zeros(256), 10**400)
     with pytest.raises(dermatome.DataError, match="poses: found a key"):

@@ -13,6 +13,7 @@ import json
 import os
 import re
 import shutil
+import subprocess
 import sys
 from importlib.machinery import ModuleSpec
 from pathlib import Path
@@ -87,7 +88,7 @@ def run(blocks, page):
             exec(compile(block, page, "exec"), names)
 
 
-@pytest.mark.parametrize("page", ["README.md", "docs/python.md", "docs/behaviours.md", "tools/python/README.md"])
+@pytest.mark.parametrize("page", ["README.md", "docs/python.md", "docs/behaviours.md"])
 def test_blocks_run(page, folder, ros):
     text = (ROOT / page).read_text()
     blocks = [block for block in re.findall(r"```python\n(.*?)```", text, re.DOTALL) if "touch.npz" not in block]
@@ -96,6 +97,28 @@ def test_blocks_run(page, folder, ros):
     if any("rclpy" in block for block in blocks):
         drawn = [np.frombuffer(image.data, np.float32).reshape(image.height, image.width) for image in ros]
         assert [image.max() for image in drawn] == [0, 1, 2]
+
+
+ALONE = """
+import sys
+from importlib.abc import MetaPathFinder
+
+class Others(MetaPathFinder):
+    def find_spec(self, name, path, target=None):
+        if name.split(".")[0] not in {*sys.stdlib_module_names, "dermatome", "numpy"}:
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+
+sys.meta_path.insert(0, Others())
+"""
+
+
+def test_readme_of_the_index_needs_the_package_alone(tmp_path):
+    blocks = re.findall(r"```python\n(.*?)```", (ROOT / "tools/python/README.md").read_text(), re.DOTALL)
+    said = subprocess.run([sys.executable, "-c", ALONE + "".join(blocks)], cwd=tmp_path, capture_output=True, text=True)
+    assert said.returncode == 0, said.stderr
+    assert {path.name for path in tmp_path.iterdir()} == {"map.glb", "touch.png"} and len(blocks) > 1
+    links = re.findall(r"\]\(([^)]+)\)", (ROOT / "tools/python/README.md").read_text())
+    assert links and [link for link in links if not (ROOT / "tools/python" / link).is_file()] == []
 
 
 @pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.name)

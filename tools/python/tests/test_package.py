@@ -4,6 +4,7 @@ import ast
 import doctest
 import importlib
 import inspect
+import itertools
 import re
 import subprocess
 import sys
@@ -43,7 +44,7 @@ def public():
         if inspect.isclass(thing):
             for member, value in vars(thing).items():
                 if not member.startswith("_"):
-                    yield f"{name}.{member}", value
+                    yield f"{name}.{member}", getattr(thing, member) if isinstance(value, (staticmethod, classmethod)) else value
 
 
 def test_every_public_name_is_documented():
@@ -79,6 +80,43 @@ def test_help_says_the_shapes_of_arrays():
     assert arrays > 100
     # The call of an object is described by its class.
     assert "(..., C, N)" in dermatome.Renderer.__doc__ and "(..., C, H, W)" in dermatome.Renderer.__doc__
+
+
+def test_help_says_what_is_raised():
+    """Of every call that takes arguments, and of classes that do."""
+    missing, calls = [], 0
+    for name, thing in [*public(), *adapters()]:
+        doc = inspect.getdoc(thing) or ""
+        is_call = callable(thing) and (not inspect.isclass(thing) or "\nParameters\n" in doc)
+        if not is_call or inspect.isclass(thing) and issubclass(thing, Exception) or name.startswith("ArgumentError."):
+            continue
+        takes = [each for each in inspect.signature(thing).parameters if each != "self"]
+        calls += bool(takes)
+        if takes and not re.search(r"^Raises\n------\n\w", doc, re.MULTILINE):
+            missing.append(name)
+    assert missing == [] and calls > 90
+
+
+#: How a number is said to have a unit, or none.
+UNIT = r"(?<![\w/])(m|mm|rad|s|Hz|N|Pa|m\^2|m/s|1/m\^2|pixels?|frames?|in the unit|in their unit|units?|ratio|share|from 0 to 1|times|factor|weights?|chance|degrees|frames per|coordinates|number of|numbers of|per m|of pixels|columns)(?!\w)"
+
+
+def test_help_says_the_units_of_numbers():
+    numbers, missing = 0, []
+    for name, thing in public():
+        lines = (inspect.getdoc(thing) or "").splitlines()
+        for k, line in enumerate(lines):
+            said = re.match(r"\w[\w, ]* : (.*)", line)
+            if said and re.search(r"float|\barray", said[1]) and not re.search(r"\bu?int|bool|of str", said[1]):
+                text = " ".join([said[1], *itertools.takewhile(lambda row: row.startswith("    "), lines[k + 1 :])])
+            elif k == 0 and not callable(thing) and re.match(r"[^:]*\bfloat", line):
+                text = " ".join(lines)
+            else:
+                continue
+            numbers += 1
+            if not re.search(UNIT, text, re.IGNORECASE):
+                missing.append(f"{name}: {line}")
+    assert missing == [] and numbers > 100
 
 
 def test_examples_run():

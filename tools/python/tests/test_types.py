@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
-USE = """
+USE = """# pyright: strict
 import numpy as np
-import dermatome, dermatome.lerobot, dermatome.mujoco, dermatome.ros, dermatome.trimesh
+import dermatome, dermatome.mujoco, dermatome.ray, dermatome.ros
 
 skin = dermatome.Skin.from_arrays(np.zeros((9, 3)), patch=["a"] * 9, outside=(0, 0, 1))
 skin_map = dermatome.build(skin, cut=[[1, 2]], progress=lambda stage, done, count: print(stage))
@@ -23,7 +23,9 @@ part: dermatome.Readings = readings[3:5]
 shapes = [one.values.shape for one in readings]
 part.condition(skin_map, scale=np.ones(9), baseline=3, gain={1: 2.0}, clip=[0, 1], units="N")
 part.condition(skin_map, gain=np.ones(9), baseline=[0.5] * 9, units=["N"], zero="follow")
-dermatome.ros.read("bag", "/skin", skin_map, values="pressure", ids=lambda message: message.ids, units="N", stamp="header")
+def taxels_of(message: np.ndarray[tuple[int], np.dtype[np.uint32]]) -> np.ndarray[tuple[int], np.dtype[np.uint32]]:
+    return message
+dermatome.ros.read("bag", "/skin", skin_map, values="pressure", ids=taxels_of, units="N", stamp="header")
 dermatome.ros.read("bag", "/skin", skin_map, values=["force", "heat"], channels=["force", "heat"])
 contacts, summary = dermatome.touches({"px": [0.0], "py": np.zeros(1), "taxels": [{1: 2.0}]}, skin=skin, radius=0.01)
 taxels: dermatome.Calibration = dermatome.calibrate(contacts, robust="gnc")
@@ -32,6 +34,8 @@ moved: list[float] = [body.moved for body in bodies.bodies]
 following = dermatome.follow(open("contacts.csv"), cad=skin, every=10)
 known: list[bool | None] = [touch.fits for touch in following]
 dermatome.follow([{"i": 1, "x": 0.0}]).result.covariances
+rows_of = dermatome.ray.episodes(["a.zarr"], layout="layout.json")
+dermatome.ray.Render(skin_map.to_bytes(), "out", 1, {"size": (64, 96)}, layout="layout.json")(rows_of[0])
 dermatome.mujoco.readings(None, dermatome.mujoco.attach_all(None, skin_map, bodies={"hand": "palm"}))
 """
 MISTAKES = [
@@ -93,9 +97,9 @@ def test_checkers_find_mistakes_and_nothing_else(checker, tmp_path):
     (tmp_path / "use.py").write_text(USE)
     lines, said = checker("use.py", cwd=tmp_path)
     assert not lines, said
-    (tmp_path / "wrong.py").write_text(USE + "\n".join(MISTAKES))
+    (tmp_path / "wrong.py").write_text(USE + "import dermatome.lerobot, dermatome.trimesh\n" + "\n".join(MISTAKES))
     lines, said = checker("wrong.py", cwd=tmp_path)
-    first = USE.count("\n") + 1
+    first = USE.count("\n") + 2
     assert [MISTAKES[k] for k in range(len(MISTAKES)) if first + k not in lines] == [] and min(lines) == first, said
 
 

@@ -39,7 +39,7 @@ from dermatome._dermatome import (
     flatten,
     simulate,
 )
-from dermatome._errors import DataError, Error, FileError, MissingFileError
+from dermatome._errors import ArgumentError, DataError, Error, FileError, MissingFileError
 from dermatome._frame import MapFrame
 from dermatome._follow import FollowedTouch, Following, follow
 from dermatome._readings import Readings
@@ -51,6 +51,7 @@ if TYPE_CHECKING:
     from dermatome._recording import Recording
 
 __all__ = [
+    "ArgumentError",
     "Body",
     "BodyCalibration",
     "Calibration",

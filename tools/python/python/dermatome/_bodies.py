@@ -30,11 +30,11 @@ class Body:
     moved, turned : float
         How far its centre moved, in m, and how far it turned, in rad.
     translation, rotation : (3,) float64 array
-        The same as vectors.
+        The same as vectors, in m and rad.
     sigma, sigma_turned : float or None
         Standard deviations of both, in m and rad; None: it does not move.
     chi2, p : float or None
-        The test of its motion against its tolerance; None without a contact.
+        The test of its motion against its tolerance, without a unit; None without a contact.
     dof : int or None
         Numbers of the motion that the touches determine.
     believable : bool or None
@@ -116,7 +116,7 @@ class HeldBack:
     drawn : (float, float)
         Median distance of the touches from where the drawing predicts them, and the distance below which 90 % are, in m.
     explained : float
-        Share of where the touches are that the fit explains: a wrong log has less than 0.85.
+        Share of where the touches are that the fit explains, from 0 to 1: a wrong log has less than 0.85.
     """
 
     supported: str
@@ -147,7 +147,7 @@ class BodyCalibration:
     rejected : (k,) uint32 array
         Touches that are outliers, numbered in the order of their first rows.
     chi2, dof : float
-        Squared whitened errors of inliers and motions over their tolerances; numbers that the inliers observe.
+        Squared whitened errors of inliers and motions over their tolerances, without a unit; numbers that the inliers observe.
     noise, noise_over_stated : float
         Standard deviation of a touch per axis, in m, as it is estimated, and over what the observations state.
     faults : tuple of str
@@ -208,7 +208,15 @@ class BodyCalibration:
         return self._skin
 
     def write(self, path: str | os.PathLike[str]) -> None:
-        """Write the taxels to a table .csv, which is a drawing again, or the skin to another file, as .glb."""
+        """Write the taxels to a table .csv, which is a drawing again, or the skin to another file, as .glb.
+
+        Raises
+        ------
+        FileError
+            If it cannot be written.
+        DataError
+            If the extension is unknown.
+        """
         if os.fspath(path).lower().endswith(".csv"):
             columns = (of.tolist() for of in (self.ids, self.positions, self.normals, self.covariances))
             write_taxels_of_bodies(path, list(zip(*columns, self.modules, self.patches)))

@@ -140,6 +140,14 @@ def calibrate(
     Calibration or BodyCalibration
         The latter with `cad`.
 
+    Raises
+    ------
+    MissingFileError, FileError
+        If it does not exist, or cannot be read.
+    DataError
+        If an option is of the other kind of calibration or out of its range, a row cannot be used, or the
+        observations do not determine the taxels: the message says which.
+
     Examples
     --------
     >>> import dermatome

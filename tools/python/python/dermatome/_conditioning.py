@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from dermatome._dermatome import Map, as_floats, condition_readings
-from dermatome._errors import DataError
+from dermatome._errors import DataError, number_of
 
 if TYPE_CHECKING:
     from dermatome._readings import Readings
@@ -34,10 +34,14 @@ def condition(readings: Readings, map: Map, options: Options) -> Readings:
 
     of_map = readings.on(map)
     values, times, split, baseline = of_map.values, of_map.timestamps, options.split, options.baseline
-    if options.rate is not None and not np.isfinite(times).any():
-        if not 0 < options.rate < float("inf"):
-            raise DataError(f"rate: found {options.rate}; needed: a number above 0")
-        times = np.arange(len(times)) / options.rate
+    if options.rate is not None:
+        rate = number_of("rate", options.rate, "a number above 0")
+        if not 0 < rate < float("inf"):
+            raise DataError(f"rate: found {rate}; needed: a number above 0")
+        if not np.isfinite(times).any():
+            times = np.arange(len(times)) / rate
+    if split is not None:
+        split = number_of("split", split, "a frequency in Hz")
     if split is not None and not np.isfinite(times).all():
         raise DataError("split: found readings without times; needed: rate")
 
@@ -65,7 +69,7 @@ def condition(readings: Readings, map: Map, options: Options) -> Readings:
     elif options.gain is not None:
         # Before the mean of frames is subtracted: the result is the same.
         values = values * per_taxel("gain", options.gain, shape)
-    clip = None if options.clip is None else tuple(options.clip)
+    clip = None if options.clip is None else tuple(as_floats("clip", options.clip).ravel().tolist())
     if clip is not None and len(clip) != 2:
         raise DataError(f"clip: found {len(clip)} numbers; needed: 2, the lower one first")
     arrays = condition_readings(

@@ -102,6 +102,8 @@ class Skin(_Made):
     @staticmethod
     def from_bytes(data: bytes | bytearray | memoryview, kind: str = "glb") -> Skin: ...
     @staticmethod
+    def example() -> Skin: ...
+    @staticmethod
     def from_arrays(
         positions: ArrayLike,
         faces: ArrayLike | None = None,

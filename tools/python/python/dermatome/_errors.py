@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import re
 from typing import Any
 
 
@@ -27,6 +29,19 @@ class DataError(Error, ValueError):
     """Arguments or data that cannot be used: the message says which element, what was found, what is needed."""
 
 
+class ArgumentError(DataError, TypeError):
+    """An argument of another type than is needed."""
+
+    def add_note(self, note: str) -> None:
+        """Put the name of the argument, which the extension says in a note, in front of the message, which is all that logs
+        show; CPython 3.10 has no notes."""
+        said = re.fullmatch("while processing '(.*)'", note)
+        if said:
+            self.args = (f"{said[1]}: {self}",)
+        else:
+            super().add_note(note)
+
+
 class FileError(Error, OSError):
     """A file that cannot be read or written."""
 
@@ -38,7 +53,25 @@ class MissingFileError(FileError, FileNotFoundError):
 def check_kind(argument: str, value: object, kind: type | tuple[type, ...], needed: str) -> None:
     """Refuses an argument of another type."""
     if not isinstance(value, kind):
-        raise DataError(f"{argument}: found {type(value).__name__}; needed: {needed}")
+        raise ArgumentError(f"{argument}: found {type(value).__name__}; needed: {needed}")
+
+
+def path_of(argument: str, value: object) -> str:
+    """A path as text; an error of another argument."""
+    try:
+        return os.fspath(value)  # type: ignore[call-overload, no-any-return]
+    except TypeError:
+        raise ArgumentError(f"{argument}: found {type(value).__name__}; needed: a path") from None
+
+
+def number_of(argument: str, value: object, needed: str) -> float:
+    """A number; an error of another argument."""
+    try:
+        if not isinstance(value, (str, bytes)):  # `float` reads them, too.
+            return float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError, OverflowError):
+        pass
+    raise ArgumentError(f"{argument}: found {str(value)[:40]!r}; needed: {needed}")
 
 
 #: What takes the place of another type, in messages.
@@ -46,5 +79,5 @@ A_MAP = "a Map, as dermatome.build or Map.read makes it"
 READINGS = "Readings, as Readings.read(path) reads them"
 
 
-for _class in (Error, DataError, FileError, MissingFileError):
+for _class in (Error, DataError, ArgumentError, FileError, MissingFileError):
     _class.__module__ = "dermatome"

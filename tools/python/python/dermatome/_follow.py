@@ -32,7 +32,7 @@ class FollowedTouch:
     time : float or None
         The column `time` of its last row, in s.
     sigmas : float or None
-        Length of the whitened innovation; None: nothing that it measures was known, or the bodies of a drawing are fitted.
+        Length of the whitened innovation, without a unit; None: nothing that it measures was known, or the bodies of a drawing are fitted.
     dof : int or None
         Dimensions of the innovation.
     fits : bool or None
@@ -175,6 +175,12 @@ def follow(
     Returns
     -------
     Following
+
+    Raises
+    ------
+    DataError
+        If an option is unknown or out of its range, or, while it runs, a row cannot be used or touches a taxel that
+        the drawing does not have.
 
     Examples
     --------

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from dermatome._errors import DataError
+from dermatome._errors import DataError, number_of
 
 if TYPE_CHECKING:
     from dermatome._dermatome import Map
@@ -83,9 +83,9 @@ def crop(readings: Readings, begin: float | None, end: float | None) -> Readings
         raise DataError("readings: found frames without a time; needed: times; readings[10:50] are frames by number")
     chosen = np.ones(len(times), dtype=bool)
     if begin is not None:
-        chosen &= times >= begin
+        chosen &= times >= number_of("begin", begin, "a time in s")
     if end is not None:
-        chosen &= times < end
+        chosen &= times < number_of("end", end, "a time in s")
     if not chosen.any() and len(times):
         needed = f"times from {times.min():.6g} to {times.max():.6g} s"
         raise DataError(f"begin, end: found no frame from {begin} to {end} s; needed: {needed}")
@@ -97,6 +97,7 @@ def resample(readings: Readings, rate: float) -> Readings:
     import numpy as np
 
     times, values = readings.timestamps, readings.values
+    rate = number_of("rate", rate, "frames per second above 0")
     if not 0 < rate < float("inf"):
         raise DataError(f"rate: found {rate}; needed: frames per second above 0")
     if len(times) < 2 or not np.isfinite(times).all() or (np.diff(times) <= 0).any():

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 from dermatome import _conditioning
 from dermatome._dermatome import Map, as_floats, as_numbers, is_extensive, join_readings, read_readings
-from dermatome._errors import A_MAP, DataError, FileError, check_kind
+from dermatome._errors import A_MAP, ArgumentError, DataError, FileError, check_kind, path_of
 
 if TYPE_CHECKING:
     import os
@@ -46,7 +47,7 @@ class Readings:
     is_tared : bool
         Whether readings are about 0 where nothing touches: the zero of a pressure or force is stated, or one is subtracted.
     threshold : float or None
-        The reading above which a taxel is loaded, as the file states it.
+        The reading above which a taxel is loaded, as the file states it, in the unit of the readings.
     remarks : tuple of str
         What was noticed when the readings were read, put on a map and conditioned, as the command prints it.
     """
@@ -89,6 +90,13 @@ class Readings:
         Returns
         -------
         Readings
+
+        Raises
+        ------
+        MissingFileError, FileError
+            If it does not exist, or cannot be read.
+        DataError
+            If it is no recording, the layout or the number of names is another, or an id is of no taxel of the map.
         """
         stored, measured = _stored(path)
         arrays = read_readings(path, stored or layout or "tnc")
@@ -136,9 +144,19 @@ class Readings:
         Returns
         -------
         Recording
+
+        Raises
+        ------
+        MissingFileError, FileError
+            If it does not exist, or cannot be read.
+        ImportError
+            If what reads this kind of file is not installed.
+        DataError
+            If it is no recording that can be read, or has no such stream or episode.
         """
         from dermatome._recording import Recording
 
+        path_of("path", path)
         return Recording(Readings, path, stream, layout, episode)
 
     @staticmethod
@@ -151,6 +169,11 @@ class Readings:
         units: str | Sequence[str] | None = None,
     ) -> Readings:
         """Make a recording of arrays; values are (T, N) or (T, C, N), timestamps (T,) in s or of `datetime64`.
+
+        Raises
+        ------
+        DataError
+            If shapes do not fit each other, or times are not in s.
 
         Examples
         --------
@@ -233,7 +256,7 @@ class Readings:
         DataError
             If there is no such channel.
         """
-        names = (channels,) if isinstance(channels, str) else tuple(channels)
+        names = (channels,) if isinstance(channels, str) else tuple(channels) if isinstance(channels, Iterable) else (channels,)
         missing = [name for name in names if name not in self.channels]
         if missing or not names:
             raise DataError(f"channels: found {missing[0] if missing else 'none'!r}; needed: some of {list(self.channels)}")
@@ -312,7 +335,11 @@ class Readings:
         if isinstance(frames, tuple):
             raise DataError(f"frames: found {len(frames)} indices; needed: one, of frames; values[...] are numbers")
         if np.ndim(frames) == 0 and not isinstance(frames, slice):
-            frames = [int(range(len(self))[frames])]
+            try:
+                frames = [int(range(len(self))[frames])]
+            except TypeError:
+                needed = "a number, a slice or an array of numbers; select(channel) and drop(ids) choose channels and taxels"
+                raise ArgumentError(f"frames: found {frames!r}; needed: {needed}") from None
         measured = None if self.measured is None else self.measured[frames]
         return replace(self, values=self.values[frames], timestamps=self.timestamps[frames], measured=measured)
 
@@ -332,6 +359,11 @@ class Readings:
         """The same readings in the order of a map, by their ids; taxels without one have NaN.
 
         Columns of no taxel are left out, and `remarks` says so.
+
+        Raises
+        ------
+        DataError
+            If readings without ids are not of as many taxels as the map has, or an id is of no taxel.
         """
         check_kind("map", map, Map, A_MAP)
         if self.ids is None:
@@ -383,7 +415,7 @@ class Readings:
         response : Response, optional
             Turns readings into pressures, and masks faulty taxels and those without a gain.
         clip : (2,) sequence of float, optional
-            Bounds to which readings are clipped.
+            Bounds to which readings are clipped, in their unit.
         split : float, optional
             Frequency, in Hz, that splits each channel into `NAME.slow` and `NAME.fast`. Needs times.
         rate : float, optional
@@ -398,6 +430,11 @@ class Readings:
         -------
         Readings
             NaN where a reading has no baseline or is beyond 32-bit numbers; `remarks` says how many.
+
+        Raises
+        ------
+        DataError
+            If a shape is another, an option is unknown or out of its range, or times are needed and missing.
 
         Examples
         --------
@@ -429,6 +466,11 @@ class Readings:
             For each patch its `dtype`, `shape` and `names`, and `values` (T, C n) float32:
             the values of its fields, channel by channel, 0 where there is none; `valid` (T, n) bool says
             which were measured.
+
+        Raises
+        ------
+        DataError
+            If readings are not of the map, or it has no such level.
 
         Examples
         --------
@@ -464,6 +506,11 @@ class Readings:
     def pooled(self, map: Map, level: int | str, *, threads: int = 0) -> NDArray[np.float32]:
         """The values of the fields of a level, or of one of the whole body, as "body.L1", (T, C, fields): sums of channels that
         are amounts, averages of others.
+
+        Raises
+        ------
+        DataError
+            If readings are not of the map, or it has no such level.
 
         Examples
         --------
@@ -514,6 +561,11 @@ class Readings:
         list of dict
             One for each group, with the columns of `dermatome summary`; None where something is not known.
 
+        Raises
+        ------
+        DataError
+            If there is no such channel, its unit is unknown, or the noise cannot be estimated.
+
         Examples
         --------
         >>> import dermatome
@@ -551,6 +603,11 @@ class Readings:
         """The value of each named region of a map, (T, C, R): sums of channels that are amounts, averages of others.
 
         Averages are weighted by the areas of taxels; NaN where no taxel of a region has a reading.
+
+        Raises
+        ------
+        DataError
+            If readings are not of the map.
         """
         import numpy as np
 
@@ -573,6 +630,11 @@ class Readings:
         -------
         (T, C, 24) float32 array
             Averages are weighted by the areas of taxels; NaN where no taxel of an area has a reading.
+
+        Raises
+        ------
+        DataError
+            If a name is of no patch, or a number is of no area.
 
         Examples
         --------
@@ -597,6 +659,13 @@ class Readings:
         map : Map, optional
             The map in whose order they are then: its taxels have the coordinates `patch`, `x`, `y`, `z` (m, in the frame of
             their link), `u`, `v` (m, on the map).
+
+        Raises
+        ------
+        ImportError
+            If xarray is not installed.
+        DataError
+            If readings are not of the map.
         """
         if map is not None:
             from dermatome._frames import places
@@ -617,7 +686,15 @@ class Readings:
         return made
 
     def write(self, path: str | os.PathLike[str]) -> None:
-        """Write the recording to an .npz file that `read` and the command read without an option."""
+        """Write the recording to an .npz file that `read` and the command read without an option.
+
+        Raises
+        ------
+        FileError
+            If it cannot be written.
+        DataError
+            If some frames have times and others none.
+        """
         import numpy as np
 
         def by_taxel(array: Any) -> Any:
@@ -636,7 +713,7 @@ class Readings:
                 raise DataError(f"timestamps: found none for frame {np.argmin(finite)}; needed: one for each frame, or none")
             arrays["timestamps"] = self.timestamps
         try:
-            np.savez(path, **arrays)
+            np.savez(path_of("path", path), **arrays)
         except OSError as error:
             raise FileError(f"{path}: cannot be written: {error}", "io") from error
 
@@ -698,7 +775,7 @@ def _times(given: Any, frames: int) -> NDArray[np.float64]:
 
 def names_of(argument: str, given: str | Sequence[str], count: int) -> tuple[str, ...]:
     """Names or units of `count` channels."""
-    names = (given,) if isinstance(given, str) else tuple(given)
+    names = (given,) if isinstance(given, str) or not isinstance(given, Iterable) else tuple(given)
     if len(names) != count:
         raise DataError(f"{argument}: found {len(names)}; needed: {count}")
     wrong = [name for name in names if not isinstance(name, str)]

@@ -31,7 +31,13 @@ class Draft(str):
     """The text of a layout, with null where nobody knows."""
 
     def write(self, path: str | os.PathLike[str]) -> None:
-        """Write it to a file."""
+        """Write it to a file.
+
+        Raises
+        ------
+        FileError
+            If it cannot be written.
+        """
         try:
             with open(path, "w", encoding="utf-8") as file:
                 file.write(self)
@@ -138,6 +144,12 @@ class Recording:
         Readings
             With float32 values, or float64 where numbers of the file need them. Times begin at 0 in each episode, or
             are those of the file in s.
+
+        Raises
+        ------
+        DataError
+            If frames is no whole number above 0, a layout is needed, or, while they are read, a frame is not as the
+            layout says.
         """
         if not isinstance(frames, int) or frames < 1:
             raise DataError(f"frames: found {frames!r}; needed: a whole number above 0")
@@ -189,7 +201,13 @@ class Recording:
             yield block.episode, made, seconds, decoder
 
     def raw(self, frames: int = 1024) -> Iterator[tuple[int, Any]]:
-        """The number of the episode and the numbers of the stream as the file has them, at most `frames` frames at a time."""
+        """The number of the episode and the numbers of the stream as the file has them, at most `frames` frames at a time.
+
+        Raises
+        ------
+        DataError
+            If the file has no raw numbers.
+        """
         if self._container is None:
             raise DataError(f"{self.path}: found a file without raw numbers; needed: chunks, or Zarr, LeRobot, HDF5, a bag")
         return ((block.episode, block.values) for block in self._of().blocks(frames, self.episode))
@@ -267,6 +285,13 @@ class Recording:
             of one size, and are padded to one size with 0, as is what shows no skin; a missing reading is NaN.
         side : {"right", "left"}
             The hand.
+
+        Raises
+        ------
+        FileError
+            If it cannot be written.
+        DataError
+            If the folder exists, or the map has no such level or area.
         """
         from dermatome.recordings.write import write_oxt
 
@@ -281,6 +306,13 @@ class Recording:
         -------
         LeRobotDataset
             The new dataset, in the folder `path`.
+
+        Raises
+        ------
+        ImportError
+            If lerobot is not installed.
+        DataError
+            If the recording is no LeRobot dataset, the folder exists, or the map has no such level.
         """
         from dermatome.recordings.write import write_lerobot
 

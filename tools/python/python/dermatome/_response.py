@@ -43,11 +43,16 @@ def response(
     relative : Response, optional
         The relative gains to which `force` gives the scale; by default those of the same recordings.
     zero : float, optional
-        The zero of all readings; by default it is followed where nothing touches.
+        The zero of all readings, in their unit; by default it is followed where nothing touches.
 
     Returns
     -------
     Response
+
+    Raises
+    ------
+    DataError
+        If readings are not of the map, or pressures and forces are not one for each recording.
 
     Examples
     --------
@@ -85,7 +90,7 @@ def examine(
     modules : dict of int to str, optional
         The name of the module of each taxel, by its id. Without it no module is judged.
     zero : float, optional
-        The zero of all readings; by default it is followed where nothing touches.
+        The zero of all readings, in their unit; by default it is followed where nothing touches.
 
     Returns
     -------
@@ -93,6 +98,11 @@ def examine(
         For each its `kind`, `patch`, `taxels` (ids), `other` (the taxel that it names, or None), `evidence` and `message`.
     states : Response
         The state of each taxel, without gains; `Readings.condition(response=states)` masks the faulty ones.
+
+    Raises
+    ------
+    DataError
+        If readings are not of the map, or the threshold or zero cannot be used.
 
     Examples
     --------
@@ -130,7 +140,7 @@ def order(
     threshold : float, optional
         A column is touched above this, in the unit of the readings; by default four times the noise.
     zero : float, optional
-        The zero of all readings; by default it is followed where nothing touches.
+        The zero of all readings, in their unit; by default it is followed where nothing touches.
 
     Returns
     -------

@@ -61,6 +61,11 @@ def touch(
         Of each touch its `frame`, `time`, `press`, `patch`, `sphere`, `centre` (m, frame of the link), `force` (N) and
         `taxels`.
 
+    Raises
+    ------
+    DataError
+        If a number is out of its range.
+
     Examples
     --------
     >>> import dermatome

@@ -75,6 +75,13 @@ def touches(
         How they were found: `frames`, `touches`, `taxels`, `contacts`, `fitted`, `left_out`, `arm_noise` (m), `reading_noise`,
         `spacing` (m); docs/json.md explains them.
 
+    Raises
+    ------
+    MissingFileError, FileError
+        If it does not exist, or cannot be read.
+    DataError
+        If a row or option cannot be used, or the log does not determine the contacts: the message says which.
+
     Examples
     --------
     >>> import dermatome

@@ -31,6 +31,11 @@ def probes(
         Radius of a probe, in m; by default that of a disc of the mean area of a vertex.
     normals : bool
         Whether `probe_local_normal` is there too, which `ElastomerTaxel` and `ProximityTaxel` take, and others refuse.
+
+    Raises
+    ------
+    DataError
+        If the map has no such patch or level, or the grid is no pair of numbers above 0.
     """
     np = need("numpy", "genesis")
     of, whole = level_of(map, patch, level), patch_of(map, patch)

@@ -14,12 +14,24 @@ PREFIX = "observation.tactile"
 
 
 def key(patch: str, level: int) -> str:
-    """The name of a feature: no slash, as LeRobot wants it."""
+    """The name of a feature: no slash, as LeRobot wants it.
+
+    Raises
+    ------
+    DataError
+        If the level is no whole number from 0 on.
+    """
     return f"{PREFIX}.{patch.replace('/', '_')}.L{level}"
 
 
 def keys(map: Map, level: int) -> dict[str, str]:
-    """The feature of each patch: `key`, with a number where two patches would have the same one."""
+    """The feature of each patch: `key`, with a number where two patches would have the same one.
+
+    Raises
+    ------
+    DataError
+        If the map has no such level.
+    """
     taken: dict[str, str] = {}
     for name in map.patches:
         free, number = name, 1
@@ -42,6 +54,11 @@ def features(map: Map, level: int = 1, *, images: dict[str, Renderer] | None = N
         The level whose values are kept; a patch without it has those of its coarsest level.
     images : dict of str to Renderer, optional
         Renderers by the names of the images (`observation.images.NAME`), which are kept as 8-bit pictures.
+
+    Raises
+    ------
+    DataError
+        If the map has no such level, or images are not height and width.
     """
     made: dict[str, dict[str, Any]] = {}
     names = keys(map, level)
@@ -72,6 +89,11 @@ def frame(
     limit : float, optional
         The value that is white in the pictures, in the unit in which the renderers draw: that of the readings (1 by
         default), or for renderers of amounts that per m^2 of the map, which has no default.
+
+    Raises
+    ------
+    DataError
+        If the shape is another, the map has no such level, or the limit is no number above 0.
     """
     np = need("numpy", "lerobot")
     if limit is None and any(any(renderer.extensive) for renderer in (images or {}).values()):
@@ -94,7 +116,13 @@ def frame(
 
 
 def masks(map: Map, level: int = 1) -> dict[str, Any]:
-    """Which values of each feature are ever known: (n,) bool arrays, the same in every frame."""
+    """Which values of each feature are ever known: (n,) bool arrays, the same in every frame.
+
+    Raises
+    ------
+    DataError
+        If the map has no such level.
+    """
     np = need("numpy", "lerobot")
     known, names = np.isfinite(map.pool(np.zeros(map.n_taxels), level)), keys(map, level)
     return {names[name]: known[fields].copy() for name, _, fields in fields_of(map, level)}

@@ -52,6 +52,13 @@ def attach(
     -------
     str
         The name of the sensor.
+
+    Raises
+    ------
+    ImportError
+        If mujoco is not installed.
+    DataError
+        If the model has no such body, or the map no such patch or level.
     """
     mujoco, np = need("mujoco", "mujoco"), need("numpy", "mujoco")
     check_kind("spec", spec, mujoco.MjSpec, "a mujoco.MjSpec, as MjSpec.from_file reads it: sensors are added before it is compiled")
@@ -116,6 +123,13 @@ def attach_all(spec: Any, map: Map, *, bodies: Mapping[str, str] | None = None, 
     -------
     dict of str to str
         The sensor of each patch, in the order of the map: what `readings` takes.
+
+    Raises
+    ------
+    ImportError
+        If mujoco is not installed.
+    DataError
+        If the model has no such body, or the map no such patch or level.
     """
     bodies = bodies or {}
     unknown = set(bodies) - set(map.links)
@@ -149,6 +163,11 @@ def readings(data: Any, sensor: str | Map | Mapping[str, str], *, level: int = 0
         map, as `Map.pool` and `Map.renderer` take them (level 0), or of the fields of a level.
     level : int
         The level that is attached, if a map is given.
+
+    Raises
+    ------
+    DataError
+        If the model has no such sensor.
     """
     np = need("numpy", "mujoco")
     if isinstance(sensor, str):
@@ -203,6 +222,13 @@ def skin(
         the others.
     weld, repair, fill_holes, keep_going, outer, least_area
         As in `Skin.read`.
+
+    Raises
+    ------
+    ImportError
+        If mujoco is not installed.
+    DataError
+        If there is no such body, or its geoms are no skin.
 
     Examples
     --------

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import Any
 
 from dermatome._adapter import need
-from dermatome._dermatome import Index, Map
+from dermatome._dermatome import Index, Layout, Map
+from dermatome._errors import DataError, Error, FileError
+from dermatome._readings import Readings
 
-__all__ = ["Lookup", "total", "touch_counts"]
+__all__ = ["Lookup", "Render", "episodes", "total", "touch_counts"]
 
 
 class Lookup:
@@ -49,11 +53,143 @@ class Lookup:
         return batch
 
 
+def episodes(
+    paths: Iterable[str | os.PathLike[str]], *, stream: str | None = None, layout: Layout | str | os.PathLike[str] | Mapping[str, Any] | None = None
+) -> list[dict[str, Any]]:
+    """A row for each episode of some recordings, for `ray.data.from_items`: nothing but headers is read.
+
+    Parameters
+    ----------
+    paths : iterable of str or os.PathLike
+        What `Readings.open` opens, as Zarrs of Open-X-Tactile and LeRobot datasets, where every worker finds it.
+    stream, layout
+        As in `Readings.open`.
+
+    Returns
+    -------
+    list of dict
+        `path`, made absolute, `episode`, and `file`, the name of the output without its extension: that of the recording and the number.
+
+    Raises
+    ------
+    DataError, FileError
+        If one of them is no recording that can be read, or two have one name.
+
+    Examples
+    --------
+    >>> import dermatome, dermatome.ray
+    >>> palm = dermatome.build(dermatome.Skin.from_arrays([[0.005 * x, 0.005 * y, 0] for y in range(9) for x in range(9)]))
+    >>> readings, truth = dermatome.touch(palm, presses=1)
+    >>> readings.write("touch.npz")
+    >>> dermatome.ray.episodes(["touch.npz"])
+    [{'path': '/home/me/touch.npz', 'episode': 0, 'file': 'touch.000000'}]
+    """
+    made: list[dict[str, Any]] = []
+    known: dict[str, str] = {}
+    for given in paths:
+        path = os.path.abspath(given)
+        name = Path(path).stem
+        if known.setdefault(name, path) != path:
+            raise DataError(f"paths: found {known[name]} and {path}; needed: recordings of different names")
+        with Readings.open(path, stream=stream, layout=layout) as recording:
+            # A stream whose end is not known is one episode.
+            made += [{"path": path, "episode": k, "file": f"{name}.{k:06d}"} for k in range(max(1, len(recording.episodes)))]
+    return made
+
+
+class Render:
+    """Images, or the values of fields, of episodes of recordings: for `Dataset.map` with an actor for each worker.
+
+    Each row of `episodes` becomes a file in a folder, `NAME.npz` with `values` (T, C, H, W), or (T, C, fields), float32,
+    `timestamps` (T,) in s, `channels` and `units`. A file is there once it is whole, and an episode that has one is not read
+    again: a job that was stopped goes on where it was. A worker holds one episode, the driver a row of each: `file`,
+    `frames`, and `error`, which says why an episode that cannot be read has no file.
+
+    Parameters
+    ----------
+    map : str, os.PathLike or bytes
+        A `map.glb` that every worker can read, or `Map.to_bytes()`.
+    folder : str or os.PathLike
+        Where files are written: a folder that all workers share.
+    level : int
+        The level that is drawn, or whose fields have values.
+    renderer : dict, optional
+        Arguments of `Map.renderer` for images, as `{"size": (64, 96), "patch": "palm"}`; None: values of fields.
+    stream, layout
+        As in `Readings.open`.
+    """
+
+    def __init__(
+        self,
+        map: str | os.PathLike[str] | bytes,
+        folder: str | os.PathLike[str],
+        level: int = 0,
+        renderer: Mapping[str, Any] | None = None,
+        *,
+        stream: str | None = None,
+        layout: Layout | str | os.PathLike[str] | Mapping[str, Any] | None = None,
+    ) -> None:
+        self.map = Map.from_bytes(map) if isinstance(map, bytes) else Map.read(map)
+        self.folder, self.level, self.options = Path(folder), level, renderer
+        self._opening: dict[str, Any] = {"stream": stream, "layout": layout}
+        self._draw: dict[tuple[bool, ...], Any] = {}
+        self._recording: Any = None
+        self._values(Readings.from_arrays([[0.0] * self.map.n_taxels]))  # What cannot be drawn is an error before any episode is read.
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise FileError(f"{folder}: cannot be written: {error}", "io") from error
+
+    def __call__(self, row: dict[str, Any]) -> dict[str, Any]:
+        np = need("numpy", "ray")
+        file = self.folder / f"{row['file']}.npz"
+        said = {"file": str(file), "frames": 0, "error": ""}
+        if file.exists():
+            with np.load(file) as made:
+                return said | {"frames": len(made["timestamps"])}
+        try:
+            parts = list(self._episode(row))
+        except Error as error:
+            return said | {"error": str(error)}
+        first = parts[0]
+        arrays = {"values": np.concatenate([self._values(part) for part in parts]), "timestamps": np.concatenate([part.timestamps for part in parts])}
+        # Another worker may write the same episode: each writes a file of its own.
+        part = file.with_name(f".{file.name}.{os.getpid()}.part")
+        try:
+            with part.open("wb") as written:
+                np.savez(written, **arrays, channels=np.array(first.channels), units=np.array(first.units))
+            part.replace(file)
+        except OSError as error:
+            part.unlink(missing_ok=True)
+            raise FileError(f"{file}: cannot be written: {error}", "io") from error
+        return said | {"frames": len(arrays["timestamps"])}
+
+    def _episode(self, row: dict[str, Any]) -> Any:
+        """The chunks of an episode; the headers of a recording are read once for all that follow each other."""
+        if self._recording is None or self._recording.path != row["path"]:
+            self._recording = Readings.open(row["path"], **self._opening)
+        self._recording.episode = int(row["episode"])
+        return self._recording.chunks(self.map)
+
+    def _values(self, part: Readings) -> Any:
+        if self.options is None:
+            return part.pooled(self.map, self.level)
+        kinds = part.extensive
+        if kinds not in self._draw:
+            self._draw[kinds] = self.map.renderer(self.level, channels=len(kinds), extensive=list(kinds), **self.options)
+        return self._draw[kinds](part.values)
+
+
 def touch_counts(batch: Any) -> Any:
     """Counts, sums and maxima of a batch of cells, which add up across batches and workers.
 
     Takes the table that `Lookup` returns, with a column `force` or not, and returns one row for each cell: `patch`,
     `field`, `count`, and of forces `force_sum` and `force_max`.
+
+    Raises
+    ------
+    KeyError
+        If the batch has no column `patch` or `field`.
     """
     grouped = batch.group_by(["patch", "field"])
     wanted = [("taxel_id", "count")]
@@ -64,7 +200,15 @@ def touch_counts(batch: Any) -> Any:
 
 
 def total(dataset: Any) -> Any:
-    """The table of all cells of a dataset of `touch_counts`."""
+    """The table of all cells of a dataset of `touch_counts`.
+
+    Raises
+    ------
+    ImportError
+        If ray is not installed.
+    ray.exceptions.RayTaskError
+        If a task failed.
+    """
     arrow = need("pyarrow", "ray")
     parts = [part for part in dataset.iter_batches(batch_format="pyarrow", batch_size=None) if len(part)]
     if not parts:

@@ -24,6 +24,13 @@ def log(
         The recording, in the order of the map or with ids.
     limit : float, optional
         The reading that is brightest; by default the largest.
+
+    Raises
+    ------
+    ImportError
+        If rerun is not installed.
+    DataError
+        If readings are not of the map, or there is no such level or channel.
     """
     rerun, np = need("rerun", "rerun"), need("numpy", "rerun")
     fields, poses = fields_of(map, level), map.index().poses

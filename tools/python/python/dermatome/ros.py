@@ -68,6 +68,15 @@ def read(
     Returns
     -------
     Readings
+
+    Raises
+    ------
+    MissingFileError, FileError
+        If it does not exist, or cannot be read.
+    ImportError
+        If rosbags is not installed.
+    DataError
+        If there is no such topic or field, or a message is not of the taxels of the map: the message says which.
     """
     if stamp not in (None, "header", "bag"):
         raise DataError(f"stamp: found {stamp!r}; needed: 'header', 'bag' or None")
@@ -209,6 +218,15 @@ def write(
         The patch; by default all of them, in topics `TOPIC/PATCH/image` and `TOPIC/PATCH/points` if there are several.
     channel : int
         The channel.
+
+    Raises
+    ------
+    FileError
+        If it cannot be written.
+    ImportError
+        If rosbags is not installed.
+    DataError
+        If the bag exists, or there is no such level, patch or channel.
     """
     np = need("numpy", "ros")
     rosbag2, typesys = need("rosbags.rosbag2", "ros"), need("rosbags.typesys", "ros")

@@ -27,7 +27,13 @@ def __getattr__(name: str) -> Any:
 
 
 def tensor(matrix: Matrix, *, device: Any = None, dtype: Any = None) -> Any:
-    """A `Matrix` as a sparse COO tensor, 32-bit unless another `dtype` is given."""
+    """A `Matrix` as a sparse COO tensor, 32-bit unless another `dtype` is given.
+
+    Raises
+    ------
+    TypeError
+        If it is no `Matrix`.
+    """
     np = need("numpy", "torch")
     rows = np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
     return _sparse(rows, matrix.indices, matrix.data, matrix.shape, device, dtype)
@@ -45,6 +51,11 @@ def pooling(
     ----------
     extensive : bool
         Whether values are amounts, as forces: columns have the sum 1. By default they are averages: rows have the sum 1.
+
+    Raises
+    ------
+    DataError
+        If the map has no such level or patch.
     """
     taxel, field, weight, shape = shares(map, level, patch, extensive)
     if not extensive:
@@ -58,6 +69,11 @@ def pixels(renderer: Renderer, *, channel: int = 0, device: Any = None, dtype: A
 
     That of `Renderer.matrix`: amounts are drawn per m^2, and taxels that are not present have no part. `Draw` takes NaN for
     any value.
+
+    Raises
+    ------
+    DataError
+        If there is no such channel.
     """
     return tensor(renderer.matrix(channel), device=device, dtype=dtype)
 

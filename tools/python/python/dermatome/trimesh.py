@@ -24,6 +24,13 @@ def mesh(map: Map, *, patch: str | None = None, level: int = 0, flat: bool = Fal
     ----------
     flat : bool
         Whether its vertices are the places on the map, in m, and not those of the skin.
+
+    Raises
+    ------
+    ImportError
+        If trimesh is not installed.
+    DataError
+        If the map has no such patch or level.
     """
     trimesh, np = need("trimesh", "trimesh"), need("numpy", "trimesh")
     of = level_of(map, patch, level)
