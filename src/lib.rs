@@ -33,6 +33,7 @@ pub mod run;
 mod numeric;
 pub mod least_squares;
 pub mod mesh;
+mod nearest;
 pub mod skin;
 #[cfg(feature = "robots")]
 pub mod robot;

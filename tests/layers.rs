@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 /// The modules of the library; each may name only those before it.
 #[rustfmt::skip]
 const MODULES: &[&str] = &[
-    "id", "parallel", "run", "numeric", "mesh", "bvh", "delaunay", "sparse", "least_squares", "skin", "robot", "remesh", "design", "calib", "diff",
+    "id", "parallel", "run", "numeric", "mesh", "bvh", "delaunay", "sparse", "nearest", "least_squares", "skin", "robot", "remesh", "design", "calib", "diff",
     "cut", "pyramid", "body", "flatten", "map", "atlas", "unfold", "contact", "signal", "response", "touches", "image", "io", "plot", "pattern",
     "report", "error", "recording", "page", "pipeline",
 ];

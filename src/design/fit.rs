@@ -116,16 +116,19 @@ impl Shape<'_> {
             return fitted;
         }
         let plate = fitted.plate;
+        let mut near = None;
         let gap = |at: &DVec2| {
             let point = plate.point(*at);
-            let foot = self.surface.nearest(point, plate.normal(*at));
+            let foot = self.surface.nearest(point, plate.normal(*at), &mut near);
             foot.map_or(f64::INFINITY, |foot| foot.point.distance(point))
         };
         Fitted { gap: self.fine.iter().map(gap).fold(fitted.gap, f64::max), ..fitted }
     }
 
     fn feet(&self, plate: &Plate) -> Option<Vec<Foot>> {
-        self.points.iter().map(|&at| self.surface.nearest(plate.point(at), plate.normal(at))).collect()
+        let mut near = None;
+        let foot = |&at: &DVec2| self.surface.nearest(plate.point(at), plate.normal(at), &mut near);
+        self.points.iter().map(foot).collect()
     }
 
     fn measure(&self, plate: Plate, feet: &[Foot]) -> Fitted {

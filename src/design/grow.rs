@@ -103,7 +103,7 @@ impl<'a> Layout<'a> {
     fn is_hopeless(&self, start: Plate) -> bool {
         let new = self.placed(start, 0.0);
         let beyond = |foot: Foot| foot.is_on_rim && foot.point.distance(new.centre) > 0.3 * self.same;
-        self.shape.surface.nearest(new.centre, new.normal).is_none_or(beyond)
+        self.shape.surface.nearest(new.centre, new.normal, &mut None).is_none_or(beyond)
             || self.near(new.centre).any(|k| {
                 let other = &self.all[k];
                 other.normal.dot(new.normal) > -0.2 && separation(&new, other) < -MAX_SHIFT

@@ -94,7 +94,7 @@ fn at_rims(module: &Module, shape: &Shape<'_>) -> Vec<Plate> {
             let [from, to] = [s - 0.5 * side, s + 0.5 * side].map(|s| along(walk, s.rem_euclid(own)));
             let place = from.midpoint(to);
             let Some(chord) = (to - from).try_normalize() else { continue };
-            let Some(foot) = shape.surface.nearest(along(walk, s), DVec3::ZERO) else { continue };
+            let Some(foot) = shape.surface.nearest(along(walk, s), DVec3::ZERO, &mut None) else { continue };
             let edge = edge_angle(module);
             for turn in [-edge, FRAC_PI_2 - edge] {
                 // The lowest point of the turned drawing comes to the rim.

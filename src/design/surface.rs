@@ -2,23 +2,20 @@
 
 use glam::{DVec2, DVec3};
 
-use crate::bvh::{BvhError, Nearest, Start, TriangleTree};
+use crate::bvh::BvhError;
 use crate::design::Plate;
 use crate::id::{FaceId, IdVec, VertexId};
-use crate::mesh::{
-    Closest, Feature, TriMesh, boundary_edges, boundary_loops, closest_point, surface_normals,
-};
+use crate::mesh::{Feature, TriMesh, boundary_edges, boundary_loops, surface_normals};
+use crate::nearest::NearestFaces;
 use crate::numeric::{Random, solve_system};
 
 /// Triangles, and the search for the one nearest to a point.
 pub(super) struct Surface {
-    pub(super) mesh: TriMesh,
-    crosses: IdVec<FaceId, DVec3>,
+    faces: NearestFaces,
     normals: IdVec<VertexId, DVec3>,
     /// Which sides of faces, from a corner to the next, are on a rim, and which vertices.
     rims: IdVec<FaceId, [bool; 3]>,
     on_rim: IdVec<VertexId, bool>,
-    tree: TriangleTree,
 }
 
 /// A point of the surface.
@@ -32,48 +29,45 @@ pub(super) struct Foot {
 
 impl Surface {
     pub(super) fn new(mesh: TriMesh) -> Result<Self, BvhError> {
-        let tree = TriangleTree::new(
-            mesh.positions.as_slice(),
-            mesh.triangles.iter().map(|t| t.map(VertexId::raw)),
-        )?;
         let edges = boundary_edges(&mesh);
         let mut on_rim = IdVec::filled(false, mesh.positions.len());
         edges.iter().flatten().for_each(|&v| on_rim[v] = true);
         let is_rim = |a: VertexId, b: VertexId| edges.binary_search(&[a, b]).is_ok();
         let rims =
             mesh.triangles.iter().map(|&[a, b, c]| [is_rim(a, b), is_rim(b, c), is_rim(c, a)]).collect();
-        Ok(Self { crosses: mesh.face_crosses(), normals: surface_normals(&mesh), rims, on_rim, tree, mesh })
+        Ok(Self { normals: surface_normals(&mesh), rims, on_rim, faces: NearestFaces::new(mesh)? })
     }
 
-    /// The point nearest to `q` on faces that do not face away from `facing`: the other side of a wall does not count.
-    pub(super) fn nearest(&self, q: DVec3, facing: DVec3) -> Option<Foot> {
-        let search = NearestFace { surface: self, q, facing, best: None };
-        let (face, closest) = self.tree.nearest(q, Start::Root, search).0.best?;
-        let (corners, weights) = (self.mesh.triangles[face], closest.barycentric);
+    /// The point nearest to `q` on faces that do not face away from `facing`: the other side of a wall does not count. The
+    /// search begins at the packet `near`, and leaves that of the point there.
+    pub(super) fn nearest(&self, q: DVec3, facing: DVec3, near: &mut Option<u32>) -> Option<Foot> {
+        let mesh = &self.faces.mesh;
+        let (face, closest) = self.faces.nearest(q, facing, near)?;
+        let (corners, weights) = (mesh.triangles[face], closest.barycentric);
         let is_on_rim = match closest.feature {
             Feature::Inside => false,
             Feature::Side(side) => self.rims[face][side],
             Feature::Corner(corner) => self.on_rim[corners[corner]],
         };
-        let [point, normal] = [&self.mesh.positions, &self.normals]
+        let [point, normal] = [&mesh.positions, &self.normals]
             .map(|of| (0..3).map(|k| of[corners[k]] * weights[k]).sum::<DVec3>());
-        let normal = normal.try_normalize().unwrap_or_else(|| self.crosses[face].normalize_or_zero());
+        let normal = normal.try_normalize().unwrap_or_else(|| self.faces.crosses[face].normalize_or_zero());
         Some(Foot { point, normal, is_on_rim })
     }
 
     /// Points spread evenly over the area, with the normals of their faces.
     pub(super) fn samples(&self, count: usize, seed: u64) -> Vec<(DVec3, DVec3)> {
-        let whole: f64 = self.crosses.iter().map(|cross| cross.length()).sum();
+        let whole: f64 = self.faces.crosses.iter().map(|cross| cross.length()).sum();
         let mut random = Random::new(seed, 3);
         let (mut samples, mut sum) = (Vec::with_capacity(count), 0.0);
-        for (face, cross) in self.crosses.enumerate() {
+        for (face, cross) in self.faces.crosses.enumerate() {
             sum += cross.length();
             while samples.len() < count && (samples.len() as f64 + 0.5) * whole < sum * count as f64 {
                 let (mut s, mut t) = (random.uniform(), random.uniform());
                 if s + t > 1.0 {
                     (s, t) = (1.0 - s, 1.0 - t);
                 }
-                let [a, b, c] = self.mesh.corners(face);
+                let [a, b, c] = self.faces.mesh.corners(face);
                 samples.push((a + (b - a) * s + (c - a) * t, cross.normalize_or_zero()));
             }
         }
@@ -82,16 +76,19 @@ impl Surface {
 
     /// The rims, each as positions from vertex to vertex with the surface on their left.
     pub(super) fn rim_loops(&self) -> Vec<Vec<DVec3>> {
-        let positions = |walk: Vec<VertexId>| walk.into_iter().map(|v| self.mesh.positions[v]).collect();
-        boundary_loops(&self.mesh).into_iter().map(positions).collect()
+        let positions =
+            |walk: Vec<VertexId>| walk.into_iter().map(|v| self.faces.mesh.positions[v]).collect();
+        boundary_loops(&self.faces.mesh).into_iter().map(positions).collect()
     }
 
     /// How the surface curves below the points of a drawing that a plate lays out; `None` where too few lie on it.
     pub(super) fn curvature(&self, plate: &Plate, points: &[DVec2]) -> Option<Curvature> {
         let into = plate.frame.inverse();
+        let mut near = None;
         let feet = points.iter().filter_map(|&at| {
             let q = plate.point(at);
-            self.nearest(q, plate.normal(at)).filter(|foot| !foot.is_on_rim || foot.point.distance(q) < 1e-4)
+            self.nearest(q, plate.normal(at), &mut near)
+                .filter(|foot| !foot.is_on_rim || foot.point.distance(q) < 1e-4)
         });
         let feet: Vec<DVec3> = feet.map(|foot| into.transform_point3(foot.point)).collect();
         let size = feet.iter().map(|p| p.truncate().length()).fold(0.0, f64::max);
@@ -131,41 +128,6 @@ pub(super) struct Curvature {
     pub(super) direction: f64,
     /// The one of smaller size.
     pub(super) least: f64,
-}
-
-#[derive(Clone, Copy)]
-struct NearestFace<'a> {
-    surface: &'a Surface,
-    q: DVec3,
-    facing: DVec3,
-    best: Option<(FaceId, Closest)>,
-}
-
-impl Nearest for NearestFace<'_> {
-    #[inline(always)]
-    fn squared(&self) -> f64 {
-        self.best.as_ref().map_or(f64::INFINITY, |(_, best)| best.squared)
-    }
-
-    #[inline(always)]
-    fn offer(&mut self, face: u32) -> bool {
-        let face = FaceId::from(face);
-        if self.surface.crosses[face].dot(self.facing) < 0.0 {
-            return false;
-        }
-        let mesh = &self.surface.mesh;
-        let closest = closest_point(self.q, mesh.corners(face), mesh.triangles[face]);
-        let is_nearer = self.best.as_ref().is_none_or(|(known, best)| {
-            closest.squared < best.squared || (closest.squared == best.squared && face < *known)
-        });
-        if is_nearer {
-            self.best = Some((face, closest));
-        }
-        is_nearer
-    }
-
-    #[inline(always)]
-    fn prefetch(&self, _: u32) {}
 }
 
 #[cfg(test)]
