@@ -89,7 +89,8 @@ pub struct Design {
     pub chains: Vec<Chain>,
     /// The pieces: modules that are connected across edges.
     pub pieces: usize,
-    /// No wiring has fewer chains: each piece needs the number of its modules over that of a chain.
+    /// No wiring of these modules has fewer chains: they must hold all modules and, without branches, end where a module
+    /// has one neighbour.
     pub bound: usize,
     /// Area of the patch, in m^2.
     pub area: f64,
@@ -284,8 +285,9 @@ fn finish(
     let (mut modules, mut chains, mut bound) = (Vec::new(), Vec::new(), 0);
     let mut number = vec![0; count];
     for (piece, members) in pieces.iter().enumerate() {
-        bound += members.len().div_ceil(options.wiring.most);
-        for chain in wire(members, &joints, count, options.wiring, piece as u64) {
+        let (wired, least) = wire(members, &joints, count, options.wiring, piece as u64);
+        bound += least;
+        for chain in wired {
             for &m in &chain.modules {
                 number[m] = modules.len();
                 let member = &layout.all[m];
