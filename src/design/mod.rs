@@ -106,10 +106,10 @@ impl Design {
         self.modules.iter().map(|placed| placed.gap).fold(0.0, f64::max)
     }
 
-    /// Least radius to which a module is bent, in m.
+    /// Least radius to which a module is bent, in m; infinite if it is over 1 km: rounding bends flat modules, too.
     pub fn radius(&self) -> f64 {
         let curvature = self.modules.iter().map(|placed| placed.plate.curvature.abs()).fold(0.0, f64::max);
-        1.0 / curvature
+        if curvature < 1e-3 { f64::INFINITY } else { 1.0 / curvature }
     }
 }
 
@@ -140,6 +140,10 @@ pub fn design(
     options.validate()?;
     let area = mesh.area();
     check_size(mesh, module, area)?;
+    if options.tolerance >= module.diameter() {
+        let (tolerance_mm, module_mm) = (1e3 * options.tolerance, 1e3 * module.diameter());
+        return Err(DesignError::TooLoose { tolerance_mm, module_mm });
+    }
     let surface = Surface::new(mesh.clone())?;
     let points = module.rim().0.into_iter().chain(module.taxels.iter().copied()).collect();
     let max_curvature = options.bend_radius.map_or(0.0, |radius| 1.0 / radius);

@@ -193,6 +193,7 @@ fn what_cannot_be_designed_is_refused() {
     assert_eq!(kind(&Module::triangle(0.5), &flexible(1e-3, 8)), "too_large");
     assert_eq!(kind(&Module::triangle(2e-4), &flexible(1e-3, 8)), "too_many");
     assert_eq!(kind(&module, &flexible(f64::NAN, 8)), "option");
+    assert_eq!(kind(&module, &flexible(0.033, 8)), "too_loose");
     assert_eq!(kind(&module, &flexible(1e-3, 0)), "option");
     assert_eq!(kind(&module, &DesignOptions { bend_radius: Some(-1.0), ..flexible(1e-3, 8) }), "option");
     // Rigid modules lie 32^2 / 16 / 60 mm from a tube.
