@@ -24,6 +24,11 @@ pub enum DesignError {
          one that fits the patch is needed"
     )]
     TooLarge { module_mm: f64, module_cm2: f64, patch_mm: f64, patch_cm2: f64 },
+    /// The module may lie anywhere.
+    #[error(
+        "the tolerance is {tolerance_mm} mm, and the module {module_mm:.1} mm long; needed: a tolerance below that length"
+    )]
+    TooLoose { tolerance_mm: f64, module_mm: f64 },
     /// The module is tiny for the surface.
     #[error("some {modules:.0} modules would fit; at most {most} are placed")]
     TooMany { modules: f64, most: usize },

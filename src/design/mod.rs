@@ -89,7 +89,8 @@ pub struct Design {
     pub chains: Vec<Chain>,
     /// The pieces: modules that are connected across edges.
     pub pieces: usize,
-    /// No wiring has fewer chains: each piece needs the number of its modules over that of a chain.
+    /// No wiring of these modules has fewer chains: they must hold all modules and, without branches, end where a module
+    /// has one neighbour.
     pub bound: usize,
     /// Area of the patch, in m^2.
     pub area: f64,
@@ -105,10 +106,10 @@ impl Design {
         self.modules.iter().map(|placed| placed.gap).fold(0.0, f64::max)
     }
 
-    /// Least radius to which a module is bent, in m.
+    /// Least radius to which a module is bent, in m; infinite if it is over 1 km: rounding bends flat modules, too.
     pub fn radius(&self) -> f64 {
         let curvature = self.modules.iter().map(|placed| placed.plate.curvature.abs()).fold(0.0, f64::max);
-        1.0 / curvature
+        if curvature < 1e-3 { f64::INFINITY } else { 1.0 / curvature }
     }
 }
 
@@ -139,6 +140,10 @@ pub fn design(
     options.validate()?;
     let area = mesh.area();
     check_size(mesh, module, area)?;
+    if options.tolerance >= module.diameter() {
+        let (tolerance_mm, module_mm) = (1e3 * options.tolerance, 1e3 * module.diameter());
+        return Err(DesignError::TooLoose { tolerance_mm, module_mm });
+    }
     let surface = Surface::new(mesh.clone())?;
     let points = module.rim().0.into_iter().chain(module.taxels.iter().copied()).collect();
     let max_curvature = options.bend_radius.map_or(0.0, |radius| 1.0 / radius);
@@ -284,8 +289,9 @@ fn finish(
     let (mut modules, mut chains, mut bound) = (Vec::new(), Vec::new(), 0);
     let mut number = vec![0; count];
     for (piece, members) in pieces.iter().enumerate() {
-        bound += members.len().div_ceil(options.wiring.most);
-        for chain in wire(members, &joints, count, options.wiring, piece as u64) {
+        let (wired, least) = wire(members, &joints, count, options.wiring, piece as u64);
+        bound += least;
+        for chain in wired {
             for &m in &chain.modules {
                 number[m] = modules.len();
                 let member = &layout.all[m];

@@ -18,6 +18,9 @@ pub struct Module {
 /// Distance of the taxels of rectangles, in m, about: that of iCub and CySkin.
 const PITCH: f64 = 6.5e-3;
 
+/// Least size of a module, in m: far below any taxel, far above rounding.
+const LEAST: f64 = 1e-6;
+
 /// Most corners and most taxels of a module; ids are in blocks of a power of two.
 const MOST: usize = 4096;
 
@@ -98,9 +101,16 @@ impl Module {
             return fail(format!("a point at ({}, {}) m", p.x, p.y), "finite numbers, in m, below 10");
         }
         let size = self.diameter();
+        if size < LEAST {
+            return fail(format!("a size of {size} m"), "at least 1e-6 m");
+        }
         let edge = |k: usize| corners[(k + 1) % count] - corners[k];
         if let Some(k) = (0..count).find(|&k| edge(k).length() < 1e-6 * size || edge(k) == DVec2::ZERO) {
             return fail(format!("corner {} of the outline twice, {}", k + 1, at(corners[k])), "each once");
+        }
+        let along = edge(0).normalize();
+        if corners.iter().all(|p| along.perp_dot(*p - corners[0]).abs() < 1e-6 * size) {
+            return fail("an outline whose corners lie on a line".into(), "one with an area");
         }
         for k in 0..count {
             // Edges that share a corner meet there.
@@ -112,8 +122,7 @@ impl Module {
                 return fail(found, "one that does not cross itself");
             }
         }
-        let area = (0..count).map(|k| corners[k].perp_dot(corners[(k + 1) % count])).sum::<f64>();
-        if area < 0.0 {
+        if self.area() < 0.0 {
             return fail(
                 "an outline that runs clockwise".into(),
                 "its corners counter-clockwise, seen from outside",
@@ -241,7 +250,9 @@ mod tests {
             module.validate().unwrap_err().to_string()
         };
         assert!(fault(&|m| m.outline.reverse()).contains("clockwise"));
-        assert!(fault(&|m| m.outline.swap(1, 2)).contains("cross"));
+        assert!(fault(&|m| m.outline.swap(1, 2)).contains("1 and 3 cross"));
+        assert!(fault(&|m| m.outline.iter_mut().for_each(|p| p.y = 0.0)).contains("on a line"));
+        assert!(fault(&|m| m.outline.iter_mut().for_each(|p| *p *= 1e-9)).contains("at least 1e-6 m"));
         assert!(fault(&|m| m.outline.insert(1, DVec2::ZERO)).contains("inward corner"));
         assert!(fault(&|m| m.taxels[3] = DVec2::new(0.02, 0.0)).contains("taxel 4"));
         assert!(fault(&|m| m.taxels[3] = m.taxels[1]).contains("taxels 2 and 4"));

@@ -3,6 +3,7 @@
 use glam::{DAffine2, DVec2};
 
 use crate::design::{Module, Strip};
+use crate::pattern::draw::bar;
 use crate::pattern::{Anchor, Drawing, Layer, Shape};
 
 /// Room around the drawing and between strips, in mm.
@@ -10,9 +11,6 @@ const MARGIN: f64 = 8.0;
 
 /// Height of the numbers of modules and of the names of strips, in mm.
 const TEXT: f64 = 3.0;
-
-/// Length of the bar that shows whether a print is true to size, in mm.
-const BAR: f64 = 50.0;
 
 /// Draws strips of modules with the numbers that `number` gives them and a name for each strip: outlines, taxels, and a
 /// line along each chain.
@@ -58,12 +56,7 @@ pub fn strip_drawing(
         shapes.extend(own.into_iter().map(|shape| shape.moved(by)));
         top += low.y - high.y - 2.0 * MARGIN;
     }
-    let ends = [DVec2::new(0.0, top), DVec2::new(BAR, top)];
-    let ticks = ends.map(|end| vec![end - DVec2::Y, end + DVec2::Y]);
-    for points in std::iter::once(ends.to_vec()).chain(ticks) {
-        shapes.push(Shape::Polyline { layer: Layer::Text, points, is_closed: false });
-    }
-    shapes.push(text(DVec2::new(BAR + TEXT, top), Anchor::Start, format!("{BAR} mm")));
+    shapes.extend(bar(DVec2::new(0.0, top)));
     Drawing::around(shapes, MARGIN)
 }
 

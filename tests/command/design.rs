@@ -151,6 +151,8 @@ fn what_cannot_be_designed_says_what_would_do() {
         ("--module triangle:0.1mm", "at most 100000"),
         ("--module circle:3mm", "triangle:L"),
         ("--module triangle:3mm --tolerance 0", "above 0"),
+        ("--module triangle:32mm --tolerance 50mm", "a tolerance below that length"),
+        ("--module hexagon:1e-9mm", "at least 1e-6 m"),
         ("--module triangle:3mm --bend-radius inf", "above 0"),
         ("--module triangle:3mm --chain 0", "from 1 to 100000"),
         ("--module none.csv", "none.csv"),
@@ -158,6 +160,15 @@ fn what_cannot_be_designed_says_what_would_do() {
         refuses(&folder, &format!("design shell.obj -o d {options}"), &[needed]);
         assert!(!folder.path().join("d").exists(), "{options}");
     }
+    // One module, whose taxels are a row: no triangle joins them.
+    let strip = "v 0 0 0\nv 0.003 0 0\nv 0.003 0.04 0\nv 0 0.04 0\nf 1 2 3 4\n";
+    fs::write(folder.path().join("strip.obj"), strip).unwrap();
+    refuses(
+        &folder,
+        "design strip.obj -o d --module rectangle:2mm:30mm",
+        &["make no skin", "not on one line"],
+    );
+    assert!(!folder.path().join("d").exists());
 }
 
 #[test]

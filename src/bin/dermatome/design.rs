@@ -103,13 +103,13 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let designed = design_all(&skin, &module, &options, common)?;
     bar.finish_and_clear();
 
+    let made = skin_of(&skin, &designed, &module)?;
     outputs::make_folder(&folder)?;
     files.iter().try_for_each(|path| outputs::check_file(path))?;
     let out = |name: &str| common.outputs.file(folder.join(name));
     let rows = rows(&designed, &module);
     write_placed_modules(out(MODULES), &rows).map_err(Error::from)?;
     write_chains(out(CHAINS), &rows).map_err(Error::from)?;
-    let made = skin_of(&skin, &designed, &module)?;
     for name in SKINS {
         write_skin(out(name), &made).map_err(Error::from)?;
     }
@@ -265,7 +265,12 @@ fn skin_of(skin: &Skin, designed: &[Designed<'_>], module: &Module) -> anyhow::R
     }
     let links = skin.links.iter().cloned().collect::<IdVec<_, _>>();
     let draft = skin_draft(module, &placed, links);
-    Ok(assemble(&draft, &AssembleOptions::default()).map_err(Error::from)?.skin)
+    let assembled = assemble(&draft, &AssembleOptions::default());
+    let assembled = assembled.map_err(|error| {
+        let why = format!("the taxels of these modules make no skin: {error}");
+        advise(why, "give a --module whose taxels are not on one line, or a smaller one, of which more fit")
+    });
+    Ok(assembled?.skin)
 }
 
 /// The pattern of all chains.

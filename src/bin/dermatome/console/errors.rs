@@ -163,6 +163,7 @@ fn option_help(error: &Error) -> &'static str {
             DesignError::TooLarge { .. } => {
                 "give a smaller --module; --unit mm reads a file in millimetres, --patch and --links take others"
             }
+            DesignError::TooLoose { .. } => "give a smaller --tolerance: lengths have a unit, as 1mm",
             DesignError::TooMany { .. } => "give a larger --module; --unit says the unit of the file",
             DesignError::NothingFits { .. } => {
                 "give a smaller --module or a larger --tolerance; --bend-radius lets modules bend"
