@@ -15,7 +15,7 @@ use crate::numeric::DisjointSets;
 use crate::remesh::SHARP;
 use crate::remesh::divide::{Places, can_divide, divide};
 use crate::remesh::faces::height;
-use crate::remesh::sight::{Sight, View, corners};
+use crate::remesh::sight::{Blockers, Sight, View, corners};
 use crate::skin::Sheet;
 
 /// Size of a cell, over that of the link: nothing that is smaller is looked for within a region.
@@ -152,17 +152,19 @@ impl<'a> Faces<'a> {
             cells.entry(key).or_default().push(face);
         }
         let cells: Vec<Vec<usize>> = cells.into_values().collect();
-        let largest = |cell: &Vec<usize>| {
+        let largest = |cell: &Vec<usize>, blockers: &mut Blockers| {
             let by_area = |&&f: &&usize, &&g: &&usize| {
                 self.crosses[f].length_squared().total_cmp(&self.crosses[g].length_squared()).then(g.cmp(&f))
             };
-            cell.iter().max_by(by_area).map(|&face| self.own_view(face, f64::INFINITY).0)
+            cell.iter().max_by(by_area).map(|&face| self.own_view(face, f64::INFINITY, blockers).0)
         };
         let is_large = |cell: &Vec<usize>| {
             cell.len() == 1 && self.corners(cell[0]).is_some_and(|at| longest(at) >= CELL * self.sight.size)
         };
-        let views: Vec<Option<View>> =
-            cells.par_iter().map(|cell| if is_large(cell) { None } else { largest(cell) }).collect();
+        let view = |blockers: &mut Blockers, cell: &Vec<usize>| {
+            if is_large(cell) { None } else { largest(cell, blockers) }
+        };
+        let views: Vec<Option<View>> = cells.par_iter().map_init(Blockers::default, view).collect();
         for (cell, view) in cells.iter().zip(views) {
             if let Some(view) = view {
                 cell.iter().for_each(|&face| self.views[face] = view);
@@ -171,12 +173,12 @@ impl<'a> Faces<'a> {
     }
 
     /// How a face is seen at points at most `apart` from each other, and whether some of them are seen and others not.
-    fn own_view(&self, face: usize, apart: f64) -> (View, bool) {
+    fn own_view(&self, face: usize, apart: f64, blockers: &mut Blockers) -> (View, bool) {
         let Some(at) = self.corners(face) else { return (KEPT, false) };
         let normal = self.crosses[face].normalize();
         let mut points = Vec::new();
         add_points(at, apart, &mut points);
-        let views: Vec<View> = points.iter().map(|&point| self.sight.view(point, normal)).collect();
+        let views: Vec<View> = points.iter().map(|&point| self.sight.view(point, normal, blockers)).collect();
         let seen = views.iter().filter(|view| view.is_seen).count();
         let free = views.iter().map(|view| view.free).sum::<f64>() / views.len() as f64;
         (View { is_seen: 2 * seen >= views.len(), free }, seen > 0 && seen < views.len())
@@ -195,10 +197,11 @@ impl<'a> Faces<'a> {
         for round in 0..MAX_ROUNDS {
             let judged: Vec<(View, bool)> = fresh
                 .par_iter()
-                .map(|&(face, may_be_divided)| {
+                .map_init(Blockers::default, |blockers, &(face, may_be_divided)| {
                     let size = size(self, face);
                     let apart = if size > cell { cell } else { 0.5 * size };
-                    self.own_view(face, if may_be_divided && size > finest { apart } else { f64::INFINITY })
+                    let apart = if may_be_divided && size > finest { apart } else { f64::INFINITY };
+                    self.own_view(face, apart, blockers)
                 })
                 .collect();
             let mut is_mixed = vec![false; self.views.len()];

@@ -51,24 +51,29 @@ impl Sight {
     }
 
     /// How a point is seen from far away, on the side of its face where it is seen better.
-    pub(super) fn view(&self, point: DVec3, normal: DVec3) -> View {
-        let [front, back] = [normal, -normal].map(|normal| self.view_of_side(point, normal));
-        if front.is_seen || front.free >= back.free { front } else { back }
+    pub(super) fn view(&self, point: DVec3, normal: DVec3, blockers: &mut Blockers) -> View {
+        let front = self.view_of_side(point, normal, blockers);
+        if front.is_seen {
+            return front;
+        }
+        let back = self.view_of_side(point, -normal, blockers);
+        if back.is_seen || back.free > front.free { back } else { front }
     }
 
-    fn view_of_side(&self, point: DVec3, normal: DVec3) -> View {
+    fn view_of_side(&self, point: DVec3, normal: DVec3, blockers: &mut Blockers) -> View {
         let start = point + normal * (RAY_OFFSET * self.size);
         let is_above = |direction: &DVec3| direction.dot(normal) > MIN_COSINE;
         let all = self.directions.iter().map(|d| u32::from(is_above(d))).sum::<u32>();
         let needed = MIN_FREE_SHARE * f64::from(all);
         let (mut free, mut tried) = (0_u32, 0_u32);
         // Stops once enough directions are free, or too few can be.
-        for &direction in self.directions.iter().filter(|d| is_above(d)) {
+        for (&direction, blocker) in self.directions.iter().zip(&mut blockers.0).filter(|(d, _)| is_above(d))
+        {
+            let corners = |face| of_triangle(face).map(|v| self.positions[v as usize]);
             let ray = Ray::new(start, direction, 2.0 * self.size);
-            let is_met = ray.is_some_and(|ray| {
-                self.tree.is_met(&ray, |face| of_triangle(face).map(|v| self.positions[v as usize]))
-            });
-            (free, tried) = (free + u32::from(!is_met), tried + 1);
+            let met = ray.and_then(|ray| self.tree.any_hit(&ray, *blocker, corners));
+            *blocker = met.or(*blocker);
+            (free, tried) = (free + u32::from(met.is_none()), tried + 1);
             let most = f64::from(free + all - tried);
             if f64::from(free) >= needed || most < needed {
                 break;
@@ -80,6 +85,10 @@ impl Sight {
         }
     }
 }
+
+/// The triangle that last blocked each direction, which often blocks it for the next point, too. No answer depends on it.
+#[derive(Clone, Default)]
+pub(super) struct Blockers([Option<u32>; DIRECTIONS as usize]);
 
 /// Each triangle has corners of its own.
 fn of_triangle(face: u32) -> [u32; 3] {

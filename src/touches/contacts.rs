@@ -342,8 +342,10 @@ impl Rows<'_> {
             weights += weight;
         }
         (centre, radius) = (centre / weights, radius / weights);
-        let arm = self.arm_noise();
-        let across = (0.5 * contact).max(spacing.unwrap_or(0.0) / 12_f64.sqrt()).max(arm);
+        let arm = self.arm_noise().max(LEAST_NOISE);
+        // Of a taxel without neighbours, a point of it: half the radius of a disc is the deviation along each axis.
+        let alone = 0.5 * self.options.taxel_radius.unwrap_or(TAXEL_RADIUS);
+        let across = (0.5 * contact).max(spacing.map_or(alone, |spacing| spacing / 12_f64.sqrt())).max(arm);
         if let Some(outward) = plane.try_normalize() {
             // A plane says how high the skin is, not where along it.
             let along = (arm * arm + depth * depth).powf(-1.0);
@@ -364,6 +366,9 @@ impl Rows<'_> {
         self.options.arm_noise.unwrap_or(if is_fitted { self.estimates.noise.arm } else { ARM_NOISE })
     }
 }
+
+/// Least noise of an arm (m) in a contact without a fit: that of one said to be exact, whose information is finite.
+const LEAST_NOISE: f64 = 1e-6;
 
 /// A power of a positive definite matrix; `None` if it is not one.
 fn power(matrix: DMat3, exponent: f64) -> Option<DMat3> {

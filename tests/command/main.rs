@@ -30,6 +30,7 @@ mod regions;
 mod render;
 mod response;
 mod robot;
+mod skins;
 mod touch;
 mod touches;
 mod zoo;

@@ -270,6 +270,24 @@ fn joints_may_carry_the_skin() {
 }
 
 /// Tables that are no log are refused with line and column.
+/// A taxel without neighbours that a point touches, by an arm said to be exact: its information is finite, and `calibrate`
+/// reads it.
+#[test]
+fn an_exact_arm_gives_finite_information() {
+    let folder = tempfile::tempdir().unwrap();
+    let rows = "0,0,0,0,0,0,0,0,1,0,0,0.01,1:1\n1,1,0,0,0,0,0,0,1,0,0,0.01,1:1\n";
+    let log = format!("time,touch,x,y,z,qx,qy,qz,qw,px,py,pz,taxels\n{rows}");
+    fs::write(folder.path().join("l.csv"), log).unwrap();
+    for (options, expected) in [("", 1e-3), (" --taxel-mm 1", 5e-4)] {
+        dermatome(folder.path(), &format!("touches l.csv --arm-noise-mm 0{options} -o c.csv"))
+            .assert()
+            .success();
+        dermatome(folder.path(), "calibrate c.csv -o k.csv").assert().success();
+        let information: f64 = table(&folder.path().join("c.csv"))[0]["ixx"].parse().unwrap();
+        assert!((information.powf(-0.5) / expected - 1.0).abs() < 1e-6, "{options}: {information}");
+    }
+}
+
 #[test]
 fn broken_logs_are_refused() {
     let folder = tempfile::tempdir().unwrap();

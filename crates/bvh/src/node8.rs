@@ -316,23 +316,23 @@ impl Node8 {
     pub(crate) fn entries(&self, ray: &Ray) -> [f64; LANES] {
         let (at, along) = (self.vector(ray.origin) + self.column(3), self.vector(ray.direction));
         let margin = slack(ray.origin.length(), 1.0) / self.step();
-        let mut entries = [f64::INFINITY; LANES];
-        for (lane, entry) in entries.iter_mut().enumerate().take(usize::from(self.count)) {
-            let (lo, hi) = self.steps(lane);
-            let (lo, hi) = (lo - margin - at, hi + margin - at);
-            let (mut enter, mut leave) = (0.0_f64, ray.longest);
-            for k in 0..3 {
-                if along[k] != 0.0 {
-                    let (a, b) = (lo[k] / along[k], hi[k] / along[k]);
-                    (enter, leave) = (enter.max(a.min(b)), leave.min(a.max(b)));
-                } else if lo[k] > 0.0 || hi[k] < 0.0 {
-                    leave = f64::NEG_INFINITY;
+        let (mut enter, mut leave) = ([0.0_f64; LANES], [ray.longest; LANES]);
+        for k in 0..3 {
+            let inverse = along[k].recip();
+            for lane in 0..LANES {
+                let lo = f64::from(self.lo[k][lane]) - margin[k] - at[k];
+                let hi = f64::from(self.hi[k][lane]) + margin[k] - at[k];
+                if inverse.is_finite() {
+                    let (a, b) = (lo * inverse, hi * inverse);
+                    enter[lane] = enter[lane].max(a.min(b));
+                    leave[lane] = leave[lane].min(a.max(b));
+                } else if lo > 0.0 || hi < 0.0 {
+                    leave[lane] = f64::NEG_INFINITY;
                 }
             }
-            if enter <= leave {
-                *entry = enter;
-            }
         }
-        entries
+        let count = usize::from(self.count);
+        let is_met = |lane: usize| lane < count && enter[lane] <= leave[lane];
+        std::array::from_fn(|lane| if is_met(lane) { enter[lane] } else { f64::INFINITY })
     }
 }

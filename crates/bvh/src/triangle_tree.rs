@@ -212,20 +212,25 @@ impl TriangleTree {
         best
     }
 
-    /// Whether a ray meets a triangle at all, as [`Self::first_hit`] finds one.
-    pub fn is_met(&self, ray: &Ray, corners: impl Fn(u32) -> [DVec3; 3]) -> bool {
+    /// A triangle that a ray meets, as [`Self::first_hit`] finds the first; `hint` is tried before others, as what a ray
+    /// nearby met.
+    pub fn any_hit(&self, ray: &Ray, hint: Option<u32>, corners: impl Fn(u32) -> [DVec3; 3]) -> Option<u32> {
         let (near, start) = self.scaling.nearby(ray);
+        let is_met = |&at: &u32| hit(&near, start, at, corners(at)).is_some();
+        let mut met = hint.filter(is_met);
+        if met.is_some() {
+            return met;
+        }
         let local = self.scaling.ray(&near);
-        let mut is_met = false;
         self.tree.walk(
             local.longest,
             |node| node.entries(&local),
             |packet| {
-                is_met = is_met || distinct(packet).any(|at| hit(&near, start, at, corners(at)).is_some());
-                if is_met { f64::NEG_INFINITY } else { local.longest }
+                met = met.or_else(|| distinct(packet).find(is_met));
+                if met.is_some() { f64::NEG_INFINITY } else { local.longest }
             },
         );
-        is_met
+        met
     }
 }
 

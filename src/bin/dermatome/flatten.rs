@@ -18,7 +18,7 @@ use crate::console::errors::advise;
 use crate::console::notes::{note_area_ratio, note_distortion, note_other_energy, note_overlaps, note_seams};
 use crate::console::print::{print_json, print_levels};
 use crate::console::progress;
-use crate::files::input::read_skin;
+use crate::files::input::{read_skin, select_patches};
 use crate::files::outputs;
 use crate::files::patterns::{check_sheet, pattern_kind, sheet, write_pattern};
 use crate::options::{AcuityArgs, Common, FlattenArgs, InPath, OutFile, PatchArgs, ReadArgs};
@@ -58,6 +58,11 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let assemble = AssembleOptions { fill_holes: FillHoles::PinHoles, ..args.read.options(&[&args.mesh]) };
     let mut skin = read_skin(&args.mesh, &args.read, &args.chosen, &assemble, common)?;
     args.acuity.apply(&mut skin, common)?;
+    if skin.patches.len() > 1 && !args.chosen.patches.is_empty() {
+        // A piece of a sheet may have the name of the sheet.
+        let patches = skin.patches.into_iter().collect();
+        skin.patches = select_patches(&args.mesh, patches, &args.chosen.patches, |patch| &patch.name)?.into();
+    }
     if skin.patches.len() != 1 {
         let names: Vec<_> = skin.patches.iter().map(|p| p.name.as_str()).collect();
         return Err(advise(

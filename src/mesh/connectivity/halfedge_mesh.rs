@@ -296,11 +296,13 @@ impl HalfedgeMesh {
         }
         let apexes = [h, twin].map(|side| (side != Halfedge::NONE).then(|| self.apex(side)));
         let is_thin = |v: &VertexId| self.degree[*v] <= if self.on_boundary[*v] { 2 } else { 3 };
+        // The corner of a long strip has as many neighbours as the strip has taxels along it.
+        let (few, other) = if self.degree[a] <= self.degree[b] { (a, b) } else { (b, a) };
         // Only the apexes may be neighbours of both. A second edge between the ends, as where two faces on the same
         // corners were split, would become a loop.
         !apexes.iter().flatten().any(is_thin)
-            && self.ring(a).filter(|&v| v == b).count() == 1
-            && self.ring(a).all(|v| v == b || apexes.contains(&Some(v)) || !self.has_edge(v, b))
+            && self.ring(few).filter(|&v| v == other).count() == 1
+            && self.ring(few).all(|v| v == other || apexes.contains(&Some(v)) || !self.has_edge(v, other))
     }
 
     /// Shrinks the edge of `h` to its target, where [`HalfedgeMesh::can_collapse`]; its origin is removed.

@@ -72,7 +72,7 @@ impl<'a> Components<'a> {
                 t.swap(1, 2);
             }
         }
-        let cleared = clear_zero_area(&mut mesh);
+        let mut cleared = clear_zero_area(&mut mesh);
         let area = |face: FaceId| triangle_cross(mesh.corners(face)).length();
         let flat: f64 = cleared.kept.iter().map(|&face| area(face)).sum();
         if 2.0 * flat > mesh.triangles.ids().map(area).sum::<f64>() {
@@ -80,6 +80,7 @@ impl<'a> Components<'a> {
             return Err(SkinError::Needles { patch: patch(), faces, of });
         }
         let mut component: IdVec<FaceId, Option<usize>> = winding.components.of.map(|&c| Some(c));
+        cleared.drop_flat_pieces(&mesh, &component);
         for &face in &cleared.dropped {
             component[face] = None;
         }

@@ -39,6 +39,23 @@ pub(super) struct Cleared {
     pub kept: Vec<FaceId>,
 }
 
+impl Cleared {
+    /// Drops pieces of which no face has an area, unless there are no others: they are lines, on which nothing lies.
+    pub(super) fn drop_flat_pieces(&mut self, mesh: &TriMesh, piece: &IdVec<FaceId, Option<usize>>) {
+        let mut is_flat = piece.map(|_| false);
+        self.dropped.iter().chain(&self.kept).for_each(|&face| is_flat[face] = true);
+        let with_area: HashSet<usize> =
+            mesh.triangles.ids().filter(|&face| !is_flat[face]).filter_map(|face| piece[face]).collect();
+        if with_area.is_empty() {
+            return;
+        }
+        let is_line = |face: &FaceId| piece[*face].is_some_and(|piece| !with_area.contains(&piece));
+        self.dropped.extend(self.kept.iter().copied().filter(is_line));
+        self.dropped.sort_unstable();
+        self.kept.retain(|face| !is_line(face));
+    }
+}
+
 /// Removes the faces without area from a manifold mesh of consistent winding.
 ///
 /// Where the longest side lies on the boundary the face is dropped, and the boundary then runs through its

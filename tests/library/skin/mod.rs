@@ -254,6 +254,25 @@ fn a_face_without_area_at_the_boundary_is_dropped() {
     assert_eq!(found_in(&draft), ["zero-area-face"]);
 }
 
+/// Faces on a line, of which none can be dropped or flipped alone, beside a square: as CAD leaves them where edges pass through
+/// each other.
+#[test]
+fn a_piece_without_area_is_dropped_and_named() {
+    let line = |y: f64| DVec3::new(1.0, y, 0.0);
+    let [a, b, c, d] = [[0.0, 0.0], [0.1, 0.0], [0.1, 0.1], [0.0, 0.1]].map(|[x, y]| DVec3::new(x, y, 0.0));
+    let positions = vec![a, b, c, d, line(0.0091), line(0.0093), line(0.0092), line(-0.0099), line(-0.009)];
+    let triangles = vec![[0, 1, 2], [0, 2, 3], [4, 6, 5], [7, 8, 4], [7, 4, 5]];
+    let draft = draft_of(Sheet { name: "s".into(), positions, triangles, ..Sheet::default() });
+    let assembled = assemble(&draft).unwrap();
+    assert_eq!(only(&assembled).mesh.triangles.len(), 2);
+    let dropped: Option<Vec<usize>> = assembled.remarks.iter().find_map(|remark| match &remark.kind {
+        RemarkKind::ZeroAreaDropped { faces } => Some(faces.iter().map(|face| face.index()).collect()),
+        _ => None,
+    });
+    assert_eq!(dropped, Some(vec![2, 3, 4]), "{:?}", assembled.remarks);
+    assert!(!kinds(&assembled).contains("ZeroAreaKept"));
+}
+
 /// The same in the middle of a sheet: dropping the face would tear a slit, so its longest side is
 /// flipped.
 #[test]
