@@ -247,9 +247,8 @@ impl<'a> AnswerRows<'a, '_> {
             let place = self.place(hit.patch, hit.link, cell, hit.position, hit.normal);
             visit(self, (level, false), place);
         }
-        let finest = answers.index.cell(hit, LevelId::default());
         for of_body in &answers.robot.body {
-            let Some(finest) = finest else { continue };
+            let Some(finest) = answers.index.cell(hit, LevelId::default()) else { continue };
             let (cell, presence, region) = of_body.cell(hit.patch, &finest);
             let place = self.place(hit.patch, hit.link, finest, hit.position, hit.normal);
             visit(self, (of_body.level, true), LookupPlace { cell, presence, region, ..place });
