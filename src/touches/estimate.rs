@@ -12,6 +12,7 @@ use crate::touches::fit::{Estimate, GainPrior, Guess, Noise, Taxel};
 use crate::touches::gather::{Sample, Samples};
 use crate::touches::log::TouchLog;
 use crate::touches::profile::Profile;
+use crate::touches::sides;
 use crate::touches::spikes::{LeftOutReading, drop_gross, drop_unfit, usual_largest};
 use crate::touches::surface;
 
@@ -124,7 +125,7 @@ pub(super) fn estimate(
     let radii = radii(samples);
     let profiles: Vec<Profile> =
         radii.iter().map(|&radius| Profile::new(radius, known.taxel_radius)).collect();
-    let (normals, has_outside) = normals_of(&centres, spacing, known);
+    let (normals, has_outside) = normals_of(samples, &centres, spacing, (known, frames));
     let (depth, contact) = typical_contact(samples, &centres, &normals, known.taxel_radius);
     let reach = FARTHEST_REACHES * (contact + known.taxel_radius);
     if !profiles.is_empty() {
@@ -359,17 +360,22 @@ fn radii(samples: &Samples) -> Vec<f64> {
 }
 
 fn normals_of(
+    samples: &Samples,
     centres: &IdVec<VertexId, DVec3>,
     spacing: Option<f64>,
-    known: &Known,
+    (known, frames): (&Known, usize),
 ) -> (IdVec<VertexId, Option<DVec3>>, bool) {
     if let Some(normals) = &known.normals {
         return (normals.map(|n| n.try_normalize()), true);
     }
     let Some(spacing) = spacing else { return (centres.map(|_| None), false) };
-    let mut normals = surface::normals(centres, spacing);
-    let neighbours = surface::neighbours(centres, 2.0 * spacing);
-    let has_outside = surface::orient(centres, &mut normals, &neighbours, DVec3::ZERO);
+    let mut felt: Vec<Option<DVec3>> = vec![None; frames];
+    samples.of.iter().flatten().for_each(|sample| felt[sample.frame] = Some(sample.centre));
+    let felt: IdVec<VertexId, DVec3> = felt.into_iter().flatten().collect();
+    let mut normals = surface::normals_at(centres, &felt, spacing);
+    let pairs = sides::joined(samples, centres, spacing);
+    let touches = sides::outwards(samples, frames);
+    let has_outside = sides::orient(centres, &mut normals, &pairs, &touches, spacing);
     (normals, has_outside)
 }
 

@@ -196,7 +196,7 @@ pub fn write_touch_log(
     })
 }
 
-/// Writes contacts: `i,x,y,z,touch[,contact],weight[,qx,qy,qz,qw][,px,py,pz,radius],ixx,ixy,ixz,iyy,iyz,izz`, metres and
+/// Writes contacts: `i,x,y,z,touch[,contact],weight[,qx,qy,qz,qw][,px,py,pz,radius][,outx,outy,outz],ixx,ixy,ixz,iyy,iyz,izz`, metres and
 /// 1/m^2. `contact` and the orientation of the body stand there if the log has them, the body if no touch is of a plane.
 ///
 /// # Errors
@@ -214,6 +214,8 @@ pub fn write_touch_contacts(
     header += if has_rotations { ",qx,qy,qz,qw" } else { "" };
     let has_bodies = contacts.iter().all(|contact| contact.body.is_some());
     header += if has_bodies { ",px,py,pz,radius" } else { "" };
+    let has_outward = contacts.iter().all(|contact| contact.outward.is_some());
+    header += if has_outward { ",outx,outy,outz" } else { "" };
     header += ",ixx,ixy,ixz,iyy,iyz,izz";
     write_table(&path.into(), &header, |table| {
         for contact in contacts {
@@ -231,6 +233,8 @@ pub fn write_touch_contacts(
             }
             let body = contact.body.filter(|_| has_bodies).into_iter();
             table.decimals(body.flat_map(|body| [body.centre.x, body.centre.y, body.centre.z, body.radius]));
+            let outward = contact.outward.filter(|_| has_outward).into_iter();
+            table.decimals(outward.flat_map(|outward| outward.to_array()));
             table.decimals(contact.information.upper());
             table.end_row()?;
         }
