@@ -314,3 +314,22 @@ fn self_touches_of_a_nao_go_through() {
     assert!((0.0015..0.002).contains(&sigma), "{sigma} m");
     dermatome(&folder, "calibrate contacts.csv -o skin.csv").assert().success();
 }
+
+/// A taxel of the drawing that is too far from others for a triangle is a taxel like the others.
+#[test]
+fn taxels_of_a_drawing_need_no_triangle() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let drawing = "taxel_id,x,y,z,nx,ny,nz\n0,0,0,0,0,0,1\n1,0.005,0,0,0,0,1\n2,0,0.005,0,0,0,1\n3,0.005,0.005,0,0,0,1\n4,0.05,0.05,0,0,0,1\n";
+    fs::write(folder.join("drawing.csv"), drawing).unwrap();
+    let log = "touch,x,y,z,qx,qy,qz,qw,px,py,pz,radius,taxels\n0,0,0,0,0,0,0,1,0.002,0.002,0.009,0.01,0;1;2;3\n1,0,0,0,0,0,0,1,0.05,0.05,0.009,0.01,4\n";
+    fs::write(folder.join("log.csv"), log).unwrap();
+    dermatome(folder, "touches log.csv --skin drawing.csv -o contacts.csv").assert().success();
+    let rows = table(&folder.join("contacts.csv"));
+    let far = rows.iter().find(|row| row["i"] == "4").unwrap();
+    assert!(
+        far["z"].parse::<f64>().unwrap().abs() < 2e-3,
+        "the radius is taken off along its normal: {far:?}"
+    );
+    assert_eq!(rows.len(), 5);
+}

@@ -51,10 +51,6 @@ pub(super) fn run(args: &Args, cad: &Path, common: &Common) -> anyhow::Result<Ex
     let placed: Vec<(TaxelId, Pose)> =
         found.taxels.iter().map(|t| (t.id, Pose { position: t.position, ..Pose::default() })).collect();
     let truth = truth.map(|truth| truth.compare(&placed, common)).transpose()?;
-    if !found.converged && !args.keep {
-        let what = format!("{}: not converged; nothing was written", args.observations.display());
-        return Err(advise(what, "give smaller tolerances, or write what there is with --keep"));
-    }
     let faults = found.faults();
     if !faults.is_empty() && !args.keep {
         let what = format!("{}: {}; nothing was written", args.observations.display(), faults.join("; "));
@@ -62,6 +58,10 @@ pub(super) fn run(args: &Args, cad: &Path, common: &Common) -> anyhow::Result<Ex
             what,
             "check that ids, poses and drawing belong together, or write what there is with --keep",
         ));
+    }
+    if !found.converged && !args.keep {
+        let what = format!("{}: not converged; nothing was written", args.observations.display());
+        return Err(advise(what, "give smaller tolerances, or write what there is with --keep"));
     }
     write(&outputs, &drawing, &found, common)?;
     if args.json {
