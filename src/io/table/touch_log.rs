@@ -72,6 +72,14 @@ pub fn read_touches(path: &Path) -> std::result::Result<TouchRows, IoError> {
     read_source(&Source::open(path)?)
 }
 
+/// Whether a file is a table with columns `px,py,pz` and `taxels`, as a log of touches by itself has them.
+pub fn is_touch_log(path: &Path) -> bool {
+    let Ok(source) = Source::open(path) else { return false };
+    Table::of(&source).is_ok_and(|Table { columns, .. }| {
+        columns.find("taxels").is_some() && matches!(columns.find_vector(BODY), Ok(Some(_)))
+    })
+}
+
 /// As [`read_touches`], of the bytes of a table; errors call it `name`.
 ///
 /// # Errors
