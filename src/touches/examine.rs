@@ -157,7 +157,7 @@ pub fn examine_log(log: &TouchLog) -> Result<LogReport, TouchesError> {
         say(
             LogFindingKind::Radius,
             false,
-            "the radius of the body is not known: contacts are where the body was; give --radius-mm".into(),
+            "the radius of the body is not known: contacts are where the body was; record it".into(),
         );
     }
     if !log.has_readings {

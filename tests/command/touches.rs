@@ -377,5 +377,7 @@ fn check_says_what_is_wrong_with_a_log() {
     let bare = kinds("bare.csv", 0);
     assert!(["radius", "readings"].iter().all(|kind| bare.iter().any(|k| k == kind)), "{bare:?}");
     let printed = dermatome(folder, "check bare.csv").assert().success();
-    assert!(String::from_utf8_lossy(&printed.get_output().stdout).contains("--radius-mm"));
+    assert!(
+        String::from_utf8_lossy(&printed.get_output().stdout).contains("radius of the body is not known")
+    );
 }
