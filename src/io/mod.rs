@@ -123,5 +123,5 @@ pub use table::summary::{
     write_summary_steps,
 };
 pub use table::touch_log::{
-    TouchRows, read_touches, touches_from_bytes, write_touch_contacts, write_touch_log,
+    TouchRows, is_touch_log, read_touches, touches_from_bytes, write_touch_contacts, write_touch_log,
 };

@@ -33,7 +33,7 @@ const LEAST_FACTOR: f64 = 0.3;
 const SIZE: usize = 4;
 
 /// A frame whose position is off by more standard deviations of the arm counts less: 99 % of three normal numbers.
-const HUBER_OF_ARM: f64 = 3.4;
+pub(super) const HUBER_OF_ARM: f64 = 3.4;
 
 /// What is known of all taxels.
 pub(super) struct Bundle<'a> {
@@ -44,21 +44,22 @@ pub(super) struct Bundle<'a> {
     /// First guesses of positions, and their standard deviation: the radius of a contact.
     pub(super) guesses: IdVec<VertexId, DVec3>,
     pub(super) guess_sigma: f64,
-    frames: Vec<Frame>,
+    pub(super) frames: Vec<Frame>,
 }
 
 /// The unknown position of one frame, and the taxels that felt it.
-struct Frame {
+#[derive(Clone)]
+pub(super) struct Frame {
     /// As the arm says, and as it is estimated, in m.
-    believed: DVec3,
-    centre: DVec3,
-    felt: Vec<(VertexId, Sample)>,
+    pub(super) believed: DVec3,
+    pub(super) centre: DVec3,
+    pub(super) felt: Vec<(VertexId, Sample)>,
 }
 
 /// What is left of a frame when its position is eliminated.
-struct Reduced {
-    inverse: DMat3,
-    gradient: DVec3,
+pub(super) struct Reduced {
+    pub(super) inverse: DMat3,
+    pub(super) gradient: DVec3,
     felt: Vec<Term>,
     /// Of the readings of the frame: what of their freedom its position does not take, and their sum of squares.
     freedom: f64,
@@ -120,7 +121,7 @@ impl<'a> Bundle<'a> {
     }
 
     /// Solves for everything, in this number of steps.
-    pub(super) fn adjust(mut self, steps: usize, run: Run<'_>) -> Result<Adjusted, TouchesError> {
+    pub(super) fn adjust(&mut self, steps: usize, run: Run<'_>) -> Result<Adjusted, TouchesError> {
         let system = BlockSystem::new(self.pattern(), SIZE)?;
         let mut reduced = self.reduced();
         for _ in 0..steps {
@@ -147,7 +148,8 @@ impl<'a> Bundle<'a> {
             let place = Place { believed: frame.believed, centre: frame.centre };
             (!frame.felt.is_empty()).then_some(place)
         });
-        Ok(Adjusted { places: places.collect(), estimates: self.estimates, covariances, noise: self.noise })
+        let (estimates, noise) = (self.estimates.clone(), self.noise);
+        Ok(Adjusted { places: places.collect(), estimates, covariances, noise })
     }
 
     /// Taxels that feel a frame together are joined.
@@ -172,7 +174,7 @@ impl<'a> Bundle<'a> {
     }
 
     /// Eliminates the position of a frame.
-    fn reduce(&self, frame: &Frame) -> Reduced {
+    pub(super) fn reduce(&self, frame: &Frame) -> Reduced {
         let noise = Noise { arm: 0.0, ..self.noise };
         let off = frame.centre - frame.believed;
         let sigmas = off.length() / self.noise.arm;

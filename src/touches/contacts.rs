@@ -15,6 +15,7 @@ use crate::touches::fit::{Estimate, Noise, Residual};
 use crate::touches::gather::{Sample, Samples};
 use crate::touches::log::TouchLog;
 use crate::touches::options::{ARM_NOISE, TAXEL_RADIUS, TouchesOptions};
+use crate::touches::sides::outwards;
 use crate::touches::spikes::LeftOutReading;
 
 /// What one touch says about one taxel.
@@ -38,6 +39,9 @@ pub struct TouchContact {
     pub body_rotation: Option<DQuat>,
     /// The body in the frame of the link: its mean over the touch, weighted by the sum of the readings. `None` for a plane.
     pub body: Option<TouchingBody>,
+    /// The direction in which the readings of the touch fell as the body moved, which is outwards; its length is in standard
+    /// deviations, 0 where the touch does not tell. `None` if the log has no readings.
+    pub outward: Option<DVec3>,
 }
 
 /// Contacts, and how they were found.
@@ -69,6 +73,7 @@ impl TouchContacts {
                 weight: contact.weight,
                 probe: contact.body_rotation,
                 body: contact.body,
+                outward: contact.outward,
             });
         }
         observations
@@ -117,6 +122,7 @@ struct TouchMean {
     radius: f64,
     rotation: Option<DQuat>,
     is_plane: bool,
+    outward: DVec3,
 }
 
 impl TouchMean {
@@ -217,6 +223,9 @@ impl Rows<'_> {
                 mean.rotation = Some(sum + turned * (sign * sample.reading));
             }
         }
+        for (mean, touch) in means.iter_mut().zip(outwards(self.samples, self.log.frames.len())) {
+            mean.outward = touch.direction;
+        }
         means
     }
 
@@ -236,6 +245,7 @@ impl Rows<'_> {
             weight: total,
             body_rotation: mean.rotation.map(DQuat::normalize),
             body: mean.body(),
+            outward: self.log.has_readings.then_some(mean.outward),
         }
     }
 

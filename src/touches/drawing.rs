@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use glam::DVec3;
 
 use crate::id::VertexId;
-use crate::skin::{LinkId, Patch, Presence, Skin, TaxelId};
+use crate::skin::{Draft, LinkId, Patch, Presence, Skin, TaxelId};
 use crate::touches::{TouchReadings, TouchesError};
 
 /// A drawing of a skin.
@@ -45,6 +45,22 @@ impl Drawing {
             }
         }
         Ok(drawing)
+    }
+
+    /// Adds the taxels of a file that are in no triangle, and so not in its skin: those of the link of that name, or of all
+    /// links if none has it.
+    pub fn add_bare(&mut self, draft: &Draft, link: &str) {
+        let known = draft.links.enumerate().find(|(_, known)| known.name == link).map(|(id, _)| id);
+        for sheet in draft.sheets.iter().filter(|sheet| known.is_none() || sheet.link == known) {
+            for (k, id) in sheet.ids.iter().flatten().enumerate() {
+                let normal = sheet.normals.as_ref().and_then(|normals| normals.get(k));
+                let Some((&position, &normal)) = sheet.positions.get(k).zip(normal) else { continue };
+                if !TaxelId::PLACEHOLDERS.contains(id) && !self.normals.contains_key(id) {
+                    self.positions.insert(*id, position);
+                    self.normals.insert(*id, normal);
+                }
+            }
+        }
     }
 }
 

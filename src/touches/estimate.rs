@@ -12,6 +12,7 @@ use crate::touches::fit::{Estimate, GainPrior, Guess, Noise, Taxel};
 use crate::touches::gather::{Sample, Samples};
 use crate::touches::log::TouchLog;
 use crate::touches::profile::Profile;
+use crate::touches::sides;
 use crate::touches::spikes::{LeftOutReading, drop_gross, drop_unfit, usual_largest};
 use crate::touches::surface;
 
@@ -124,7 +125,7 @@ pub(super) fn estimate(
     let radii = radii(samples);
     let profiles: Vec<Profile> =
         radii.iter().map(|&radius| Profile::new(radius, known.taxel_radius)).collect();
-    let (normals, has_outside) = normals_of(&centres, spacing, known);
+    let (normals, has_outside) = normals_of(samples, &centres, spacing, (known, frames));
     let (depth, contact) = typical_contact(samples, &centres, &normals, known.taxel_radius);
     let reach = FARTHEST_REACHES * (contact + known.taxel_radius);
     if !profiles.is_empty() {
@@ -166,10 +167,9 @@ pub(super) fn estimate(
         if known.normals.is_none() {
             all.update_normals();
         }
-        all.adjust(samples, frames, if round == 0 { FIRST_STEPS } else { STEPS }, run)?;
+        let spikes = all.adjust(samples, frames, if round == 0 { FIRST_STEPS } else { STEPS }, run)?;
         if round + 1 < ROUNDS {
-            let spikes = drop_unfit(samples, log, |v, sample| all.sigmas(v, sample));
-            all.spikes.extend(spikes);
+            all.spikes.extend(drop_unfit(samples, log, &spikes));
         }
     }
     all.spikes.sort_by_key(|spike| (spike.row, spike.taxel));
@@ -187,8 +187,9 @@ impl Estimates {
     fn start(&mut self, samples: &Samples, known: &Known) {
         let Some(profile) = self.profiles.first() else { return };
         let middle = profile.at(0.0, profile.radius - self.depth).depth;
-        let largest = samples.of.iter().map(|of| usual_largest(of));
-        let typical = median(largest.filter(|&x| x > 0.0)).unwrap_or(1.0);
+        // The median over taxels is robust; the usual largest reading of each would be too small.
+        let largest = |of: &Vec<Sample>| of.iter().map(|sample| sample.reading).fold(0.0, f64::max);
+        let typical = median(samples.of.iter().map(largest).filter(|&x| x > 0.0)).unwrap_or(1.0);
         self.noise.reading = FIRST_READING * typical;
         self.noise.least_reading = LEAST_READING * typical;
         self.gains.log_gain = libm::log(typical / middle.max(f64::MIN_POSITIVE));
@@ -206,21 +207,8 @@ impl Estimates {
     }
 
     pub(super) fn taxel<'a>(&'a self, samples: &'a Samples, v: VertexId) -> Option<Taxel<'a>> {
-        self.taxel_of(&samples.of[v], v)
-    }
-
-    fn taxel_of<'a>(&'a self, samples: &'a [Sample], v: VertexId) -> Option<Taxel<'a>> {
         let guess = Guess { position: self.guess(v), sigma: self.contact };
-        Some(Taxel { normal: self.normals[v]?, guess, samples, profiles: &self.profiles })
-    }
-
-    /// How far a reading is from the profile of its taxel where the frame was adjusted to be, in standard deviations.
-    fn sigmas(&self, v: VertexId, sample: &Sample) -> Option<f64> {
-        let place = self.places.get(sample.frame).copied().flatten()?;
-        let here = Sample { centre: place.centre, ..*sample };
-        let residual = self.taxel_of(&[], v)?.residual(&here, self.fits[v].as_ref()?)?;
-        let noise = Noise { arm: 0.0, ..self.noise };
-        Some(residual.distance / residual.variance(noise).sqrt())
+        Some(Taxel { normal: self.normals[v]?, guess, samples: &samples.of[v], profiles: &self.profiles })
     }
 
     fn fit(&mut self, samples: &Samples) {
@@ -244,26 +232,27 @@ impl Estimates {
         }
     }
 
-    /// All taxels and frames together.
+    /// All taxels and frames together; returns the spikes of each frame.
     fn adjust(
         &mut self,
         samples: &Samples,
         frames: usize,
         steps: usize,
         run: Run<'_>,
-    ) -> Result<(), TouchesError> {
+    ) -> Result<Vec<Vec<VertexId>>, TouchesError> {
         let guesses = self.fits.ids().map(|v| self.guess(v)).collect();
         let taxels = self.fits.ids().map(|v| self.taxel(samples, v)).collect();
         let fits = self.fits.clone();
         let (noise, gains, sigma) = (self.noise, self.gains, self.contact);
-        let bundle =
+        let mut bundle =
             Bundle::new(samples, (frames, &self.places), taxels, fits, noise, gains, (guesses, sigma));
         let adjusted = bundle.adjust(steps, run)?;
+        let spikes = bundle.spikes();
         self.fits = adjusted.estimates;
         self.covariances = adjusted.covariances;
         self.places = adjusted.places;
         self.noise = adjusted.noise;
-        Ok(())
+        Ok(spikes)
     }
 
     /// Noise from the residuals, and what gains have in common.
@@ -371,17 +360,22 @@ fn radii(samples: &Samples) -> Vec<f64> {
 }
 
 fn normals_of(
+    samples: &Samples,
     centres: &IdVec<VertexId, DVec3>,
     spacing: Option<f64>,
-    known: &Known,
+    (known, frames): (&Known, usize),
 ) -> (IdVec<VertexId, Option<DVec3>>, bool) {
     if let Some(normals) = &known.normals {
         return (normals.map(|n| n.try_normalize()), true);
     }
     let Some(spacing) = spacing else { return (centres.map(|_| None), false) };
-    let mut normals = surface::normals(centres, spacing);
-    let neighbours = surface::neighbours(centres, 2.0 * spacing);
-    let has_outside = surface::orient(centres, &mut normals, &neighbours, DVec3::ZERO);
+    let mut felt: Vec<Option<DVec3>> = vec![None; frames];
+    samples.of.iter().flatten().for_each(|sample| felt[sample.frame] = Some(sample.centre));
+    let felt: IdVec<VertexId, DVec3> = felt.into_iter().flatten().collect();
+    let mut normals = surface::normals_at(centres, &felt, spacing);
+    let pairs = sides::joined(samples, centres, spacing);
+    let touches = sides::outwards(samples, frames);
+    let has_outside = sides::orient(centres, &mut normals, &pairs, &touches, spacing);
     (normals, has_outside)
 }
 

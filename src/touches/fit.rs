@@ -98,23 +98,25 @@ pub(super) struct Taxel<'a> {
     pub(super) profiles: &'a [Profile],
 }
 
+/// A sphere above a taxel: its profile, how far its centre is from the normal line and above the tangent plane, in m, and
+/// the unit vector away from that line.
+struct Placed<'p> {
+    profile: &'p Profile,
+    offset: f64,
+    height: f64,
+    lateral: DVec3,
+}
+
 impl Taxel<'_> {
     /// The residual of a sample; `None` if the body is no sphere.
     pub(super) fn residual(&self, sample: &Sample, at: &Estimate) -> Option<Residual> {
-        let found =
-            self.profiles.binary_search_by(|profile| profile.radius.total_cmp(&sample.radius)).ok()?;
-        let profile = &self.profiles[found];
-        let q = sample.centre - at.position;
-        let height = q.dot(self.normal);
-        let across = q - height * self.normal;
-        let offset = across.length();
+        let Placed { profile, offset, height, lateral } = self.placed(sample, at)?;
         let depth = sample.reading / libm::exp(at.log_gain);
         let nearest = profile.nearest(offset, height, depth);
         // Where the profile is flat, or the reading far beyond it, nothing follows from it.
         if !(nearest.slope > LEAST_SLOPE && nearest.distance.abs() < MOST_RADII * profile.radius) {
             return None;
         }
-        let lateral = if offset > 0.0 { across / offset } else { DVec3::ZERO };
         let outward = nearest.outward.x * lateral + nearest.outward.y * self.normal;
         Some(Residual {
             distance: nearest.distance,
@@ -122,6 +124,25 @@ impl Taxel<'_> {
             by_gain: -depth / nearest.slope,
             per_reading: (libm::exp(at.log_gain) * nearest.slope).recip(),
         })
+    }
+
+    /// The mean depth on the disc where the sphere is, in m, and its derivative with respect to the sphere's position;
+    /// `None` if the body is no sphere.
+    pub(super) fn pressed(&self, sample: &Sample, at: &Estimate) -> Option<(f64, DVec3)> {
+        let place = self.placed(sample, at)?;
+        let value = place.profile.at(place.offset, place.height);
+        Some((value.depth, value.gradient.x * place.lateral + value.gradient.y * self.normal))
+    }
+
+    fn placed(&self, sample: &Sample, at: &Estimate) -> Option<Placed<'_>> {
+        let found =
+            self.profiles.binary_search_by(|profile| profile.radius.total_cmp(&sample.radius)).ok()?;
+        let q = sample.centre - at.position;
+        let height = q.dot(self.normal);
+        let across = q - height * self.normal;
+        let offset = across.length();
+        let lateral = if offset > 0.0 { across / offset } else { DVec3::ZERO };
+        Some(Placed { profile: &self.profiles[found], offset, height, lateral })
     }
 
     pub(super) fn residuals(&self, at: &Estimate) -> impl Iterator<Item = (&Sample, Residual)> {

@@ -16,7 +16,8 @@
 //! 1. Samples (`gather`): the position `p` of the body in the frame of the link, and a reading `r`.
 //! 2. First guess (`estimate`): the mean of `p`, weighted by `r^2`. It is wrong by a millimetre or more where few touches
 //!    are unevenly around a taxel, and by the depth of the contacts.
-//! 3. Normals (`surface`): of quadrics through the taxels around, unless a drawing has them.
+//! 3. Normals (`surface`, `sides`): of quadrics through the positions of the body around, then through the taxels; to the side to which
+//!    readings fall. A drawing has them.
 //! 4. The fit (`fit`): a taxel at `x` with normal `n` reads `g D(p - x)`, `D` the mean depth to which a sphere presses
 //!    the skin on its disc (`profile`). Orthogonal distance regression over all samples gives `x` and `g`, so
 //!    the depth need not be known; noise of arm and readings and the spread of gains follow from all taxels.
@@ -37,6 +38,7 @@ mod contacts;
 mod drawing;
 mod error;
 mod estimate;
+mod examine;
 mod fit;
 mod gather;
 mod log;
@@ -44,6 +46,7 @@ mod options;
 mod profile;
 mod remarks;
 mod rows;
+mod sides;
 mod spikes;
 mod surface;
 
@@ -51,6 +54,7 @@ pub use arm::{ArmOptions, ArmSimulation, simulate_arm, simulate_arm_with};
 pub use contacts::{TouchContact, TouchContacts, TouchesSummary};
 pub use drawing::Drawing;
 pub use error::TouchesError;
+pub use examine::{LogFinding, LogFindingKind, LogReport, examine_log};
 pub use log::{TouchBody, TouchFrame, TouchLog};
 pub use options::TouchesOptions;
 pub use rows::{LogOfRows, PoseAt, RowSources, TouchReadings, TouchRow, log_of_rows, pose_in_motion};

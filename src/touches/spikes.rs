@@ -1,12 +1,19 @@
 //! Readings that their taxel does not give: far above what the other readings of the taxel and of the frame allow, or
-//! far from its fitted profile. They are left out and named.
+//! far from what the fit expects. They are left out and named.
 //!
-//! *Heuristic*: of a frame at most the worst reading is left out in a round, since a spike also moves the frame, and with
-//! it the residuals of its other readings.
+//! *Heuristic*: a spike moves its frame, and with it the residuals of all readings of the frame. So in a frame that does not
+//! fit, each reading in turn is left out and the frame placed by the others; the one whose absence costs least goes, if it
+//! is far from what the others say of it, and then the next. They are spikes only if the others are then explained, and at
+//! most half of a frame: else its pose or its taxels are wrong, which `calibrate` judges. One reading of 29,000, ten times as large as
+//! it should be, is the only one that is left out; of logs without spikes none is.
 
-use crate::id::{IdVec, VertexId};
+use glam::{DMat3, DVec3};
+
+use crate::id::VertexId;
 use crate::numeric::nth_smallest;
+use crate::parallel::par_map;
 use crate::skin::TaxelId;
+use crate::touches::bundle::{Bundle, Frame, HUBER_OF_ARM};
 use crate::touches::gather::{Sample, Samples};
 use crate::touches::log::TouchLog;
 
@@ -30,6 +37,14 @@ const GROSS: f64 = 10.0;
 
 /// After the fit a reading is a spike beyond so many standard deviations: of 1e14 normal ones one is.
 const MOST_SIGMAS: f64 = 8.0;
+
+/// Standard deviation of what is expected of a reading, for the profile is a model: a share of the reading, and so many times
+/// the least noise of readings. Within eight of them, 40 % and a quarter of a typical reading, the loss of the fit is enough.
+const MODEL_SHARE: f64 = 0.05;
+const MODEL_FLOOR: f64 = 30.0;
+
+/// Steps that place a frame without one of its readings.
+const STEPS: usize = 5;
 
 /// The usual largest reading of a taxel; 0 without a reading.
 pub(super) fn usual_largest(samples: &[Sample]) -> f64 {
@@ -56,34 +71,19 @@ pub(super) fn drop_gross(samples: &mut Samples, log: &TouchLog) -> Vec<LeftOutRe
     })
 }
 
-/// Leaves out the worst reading of each frame whose residual, in standard deviations, is beyond the bound.
+/// Leaves out the spikes of each frame.
 pub(super) fn drop_unfit(
     samples: &mut Samples,
     log: &TouchLog,
-    sigmas: impl Fn(VertexId, &Sample) -> Option<f64>,
+    spikes: &[Vec<VertexId>],
 ) -> Vec<LeftOutReading> {
-    let of_taxel = |(v, of): (VertexId, &Vec<Sample>)| -> Vec<f64> {
-        of.iter().map(|sample| sigmas(v, sample).unwrap_or(0.0).abs()).collect()
-    };
-    let found: IdVec<VertexId, Vec<f64>> = samples.of.enumerate().map(of_taxel).collect();
-    let mut worst = vec![MOST_SIGMAS; log.frames.len()];
-    for (of, found) in samples.of.iter().zip(&found) {
-        for (sample, sigmas) in of.iter().zip(found) {
-            worst[sample.frame] = worst[sample.frame].max(*sigmas);
-        }
-    }
-    let mut next = found.map(|_| 0);
-    leave_out(samples, log, |v, sample| {
-        let sigmas = found[v][next[v]];
-        next[v] += 1;
-        sigmas > MOST_SIGMAS && sigmas >= worst[sample.frame]
-    })
+    leave_out(samples, log, |v, sample| spikes[sample.frame].contains(&v))
 }
 
 fn leave_out(
     samples: &mut Samples,
     log: &TouchLog,
-    mut is_spike: impl FnMut(VertexId, &Sample) -> bool,
+    is_spike: impl Fn(VertexId, &Sample) -> bool,
 ) -> Vec<LeftOutReading> {
     let mut left_out = Vec::new();
     let Samples { ids, of, .. } = samples;
@@ -99,4 +99,69 @@ fn leave_out(
         });
     }
     left_out
+}
+
+impl Bundle<'_> {
+    /// The spikes of each frame.
+    pub(super) fn spikes(&self) -> Vec<Vec<VertexId>> {
+        par_map(&self.frames, |frame| self.spikes_of(frame))
+    }
+
+    fn spikes_of(&self, frame: &Frame) -> Vec<VertexId> {
+        let is_near = frame.centre.distance(frame.believed) <= HUBER_OF_ARM * self.noise.arm;
+        let (mut rest, mut spikes) = (frame.clone(), Vec::new());
+        if is_near && self.is_explained(&rest) {
+            return spikes;
+        }
+        while 2 * (spikes.len() + 1) <= frame.felt.len() {
+            let tries = (0..rest.felt.len()).map(|k| (k, self.without(&rest, k)));
+            let costs = tries.map(|(k, (frame, covariance))| (self.cost(&frame), k, frame, covariance));
+            let Some((_, k, next, covariance)) = costs.min_by(|a, b| a.0.total_cmp(&b.0)) else { break };
+            let (v, sample) = &rest.felt[k];
+            if self.sigmas(*v, sample, next.centre, covariance) <= MOST_SIGMAS {
+                break;
+            }
+            spikes.push(*v);
+            rest = next;
+            if self.is_explained(&rest) {
+                return spikes;
+            }
+        }
+        Vec::new()
+    }
+
+    /// A frame without one of its readings, placed by the others, and the covariance of its position.
+    fn without(&self, frame: &Frame, k: usize) -> (Frame, DMat3) {
+        let mut rest = frame.clone();
+        rest.felt.remove(k);
+        let mut reduced = self.reduce(&rest);
+        for _ in 0..STEPS {
+            rest.centre += (reduced.inverse * reduced.gradient).clamp_length_max(self.guess_sigma);
+            reduced = self.reduce(&rest);
+        }
+        (rest, reduced.inverse)
+    }
+
+    fn is_explained(&self, frame: &Frame) -> bool {
+        let sigmas = |(v, sample): &(VertexId, Sample)| self.sigmas(*v, sample, frame.centre, DMat3::ZERO);
+        frame.felt.iter().all(|felt| sigmas(felt) <= MOST_SIGMAS)
+    }
+
+    fn cost(&self, frame: &Frame) -> f64 {
+        let sigmas = |(v, sample): &(VertexId, Sample)| self.sigmas(*v, sample, frame.centre, DMat3::ZERO);
+        let readings: f64 = frame.felt.iter().map(|felt| sigmas(felt).min(MOST_SIGMAS).powi(2)).sum();
+        readings + (frame.centre.distance(frame.believed) / self.noise.arm).powi(2)
+    }
+
+    /// How far a reading is from what is expected of it where the sphere's centre is there, in standard deviations; 0 if
+    /// nothing is.
+    fn sigmas(&self, v: VertexId, sample: &Sample, centre: DVec3, covariance: DMat3) -> f64 {
+        let (Some(taxel), Some(at)) = (&self.taxels[v], &self.estimates[v]) else { return 0.0 };
+        let here = Sample { centre, ..*sample };
+        let Some((depth, gradient)) = taxel.pressed(&here, at) else { return 0.0 };
+        let gain = libm::exp(at.log_gain);
+        let floor = MODEL_FLOOR * self.noise.least_reading / libm::exp(self.gains.log_gain);
+        let model = (MODEL_SHARE * depth).powi(2) + floor * floor + gradient.dot(covariance * gradient);
+        (sample.reading / gain - depth).abs() / ((self.noise.reading / gain).powi(2) + model).sqrt()
+    }
 }

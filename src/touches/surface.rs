@@ -9,6 +9,7 @@ use glam::{DVec3, IVec3};
 
 use crate::id::{IdVec, VertexId};
 use crate::numeric::{median, solve_system, symmetric_eigen};
+use crate::parallel::par_ids;
 
 /// Neighbours within this many spacings determine a normal.
 const REACH: f64 = 4.5;
@@ -41,11 +42,17 @@ impl<'a> Cubes<'a> {
 
     /// The other points within one side of a cube, by their numbers.
     pub(super) fn around(&self, v: VertexId) -> Vec<VertexId> {
-        let here = self.points[v];
+        let mut found = self.near(self.points[v]);
+        found.retain(|u| *u != v);
+        found
+    }
+
+    /// The points within one side of a cube of a place, by their numbers.
+    fn near(&self, here: DVec3) -> Vec<VertexId> {
         let cube = Self::cube(here, self.side);
         let steps = (0..27).map(|k| IVec3::new(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1));
         let near = steps.filter_map(|step| self.cubes.get(&cube.saturating_add(step).to_array())).flatten();
-        let is_near = |u: &VertexId| *u != v && self.points[*u].distance(here) <= self.side;
+        let is_near = |u: &VertexId| self.points[*u].distance(here) <= self.side;
         let mut found: Vec<VertexId> = near.copied().filter(is_near).collect();
         found.sort_unstable();
         found
@@ -84,19 +91,27 @@ pub(super) fn neighbours(points: &IdVec<VertexId, DVec3>, reach: f64) -> IdVec<V
 
 /// Unit normals of the surface through points, to no particular side; `None` where fewer than three are near.
 pub(super) fn normals(points: &IdVec<VertexId, DVec3>, spacing: f64) -> IdVec<VertexId, Option<DVec3>> {
-    let cubes = Cubes::new(points, REACH * spacing);
-    points.ids().map(|v| normal(points, v, &cubes.around(v), spacing)).collect()
+    normals_at(points, points, spacing)
 }
 
-/// The normal of the quadric through a point's neighbours, at that point.
-fn normal(points: &IdVec<VertexId, DVec3>, v: VertexId, around: &[VertexId], spacing: f64) -> Option<DVec3> {
-    if around.len() < 2 {
+/// Unit normals of the surface through points, at some places.
+pub(super) fn normals_at(
+    places: &IdVec<VertexId, DVec3>,
+    points: &IdVec<VertexId, DVec3>,
+    spacing: f64,
+) -> IdVec<VertexId, Option<DVec3>> {
+    let cubes = Cubes::new(points, REACH * spacing);
+    par_ids(places.len(), |v: VertexId| normal(points, places[v], &cubes.near(places[v]), spacing))
+}
+
+/// The normal of the quadric through points around a place, there.
+fn normal(points: &IdVec<VertexId, DVec3>, here: DVec3, around: &[VertexId], spacing: f64) -> Option<DVec3> {
+    if around.len() < 3 {
         return None;
     }
-    let here = points[v];
-    let mean = (around.iter().map(|&u| points[u]).sum::<DVec3>() + here) / (around.len() + 1) as f64;
+    let mean = around.iter().map(|&u| points[u]).sum::<DVec3>() / around.len() as f64;
     let mut scatter = [[0.0; 3]; 3];
-    for q in around.iter().map(|&u| points[u] - mean).chain([here - mean]) {
+    for q in around.iter().map(|&u| points[u] - mean) {
         let q = q.to_array();
         for (row, a) in scatter.iter_mut().zip(q) {
             row.iter_mut().zip(q).for_each(|(cell, b)| *cell += a * b);
@@ -105,14 +120,14 @@ fn normal(points: &IdVec<VertexId, DVec3>, v: VertexId, around: &[VertexId], spa
     let (values, vectors) = symmetric_eigen(&scatter);
     let least = (0..3).min_by(|&a, &b| values[a].total_cmp(&values[b]))?;
     let plane = DVec3::from_array([0, 1, 2].map(|row| vectors[row][least])).try_normalize()?;
-    if around.len() < LEAST_FOR_QUADRIC {
+    if around.len() <= LEAST_FOR_QUADRIC {
         return Some(plane);
     }
     let x = plane.any_orthonormal_vector();
     let y = plane.cross(x);
     // z = c0 + c1 u + c2 v + c3 u^2 + c4 u v + c5 v^2, in spacings.
     let mut system = [[0.0; 7]; 6];
-    for q in around.iter().map(|&u| points[u] - here).chain([DVec3::ZERO]) {
+    for q in around.iter().map(|&u| points[u] - here) {
         let (u, v, z) = (q.dot(x) / spacing, q.dot(y) / spacing, q.dot(plane) / spacing);
         let row = [1.0, u, v, u * u, u * v, v * v, z];
         let weight = (1.0 - (u * u + v * v) / (REACH * REACH)).max(0.0).powi(2);
@@ -125,69 +140,4 @@ fn normal(points: &IdVec<VertexId, DVec3>, v: VertexId, around: &[VertexId], spa
     }
     let solved = solve_system(system)?;
     (plane - solved[1] * x - solved[2] * y).try_normalize()
-}
-
-/// Turns normals to the outside: neighbours agree, and each connected piece is outside where it bends away from its
-/// own centre, or, where it is flat, away from `origin`. Returns `false` if neither determines it.
-pub(super) fn orient(
-    points: &IdVec<VertexId, DVec3>,
-    normals: &mut IdVec<VertexId, Option<DVec3>>,
-    neighbours: &IdVec<VertexId, Vec<VertexId>>,
-    origin: DVec3,
-) -> bool {
-    let mut is_done = points.map(|_| false);
-    let mut all_told = true;
-    for first in points.ids() {
-        if is_done[first] || normals[first].is_none() {
-            continue;
-        }
-        // Breadth first, so that neighbours agree.
-        let mut piece = vec![first];
-        is_done[first] = true;
-        let mut next = 0;
-        while let Some(&v) = piece.get(next) {
-            next += 1;
-            let Some(normal) = normals[v] else { continue };
-            for &u in &neighbours[v] {
-                if let (false, Some(other)) = (is_done[u], normals[u]) {
-                    normals[u] = Some(if other.dot(normal) < 0.0 { -other } else { other });
-                    is_done[u] = true;
-                    piece.push(u);
-                }
-            }
-        }
-        match side(points, normals, &piece, origin) {
-            Some(outward) if !outward => {
-                for &v in &piece {
-                    normals[v] = normals[v].map(|n| -n);
-                }
-            }
-            Some(_) => {}
-            None => all_told = false,
-        }
-    }
-    all_told
-}
-
-/// Whether the normals of a piece point to the outside; `None` if nothing determines it.
-fn side(
-    points: &IdVec<VertexId, DVec3>,
-    normals: &IdVec<VertexId, Option<DVec3>>,
-    piece: &[VertexId],
-    origin: DVec3,
-) -> Option<bool> {
-    /// Bends below this, as the mean sine between normals and the directions from the centre, are noise.
-    const LEAST_BEND: f64 = 0.05;
-    let centre = piece.iter().map(|&v| points[v]).sum::<DVec3>() / piece.len() as f64;
-    let mean = |from: DVec3| {
-        let sines =
-            piece.iter().filter_map(|&v| Some(normals[v]?.dot((points[v] - from).normalize_or_zero())));
-        sines.sum::<f64>() / piece.len() as f64
-    };
-    let bend = mean(centre);
-    if bend.abs() > LEAST_BEND {
-        return Some(bend > 0.0);
-    }
-    let away = mean(origin);
-    (away.abs() > LEAST_BEND).then_some(away > 0.0)
 }

@@ -93,6 +93,22 @@ fn touches_move_a_drawn_skin() {
     assert_eq!(json(&info.get_output().stdout)["schema"], "dermatome.info/1");
 }
 
+/// The result is compared with the truth where that is known.
+#[test]
+fn a_fit_is_compared_with_the_truth() {
+    let folder = folder();
+    let at = folder.path();
+    let rows: String =
+        drawing().1.iter().map(|(id, [x, y, z])| format!("{id},{},{y},{z}\n", x + 0.004)).collect();
+    fs::write(at.join("truth.csv"), format!("id,x,y,z\n{rows}")).unwrap();
+    let words = "calibrate contacts.csv --cad cad.csv --fit-probe -o out.csv --truth truth.csv";
+    let found = json(&dermatome(at, &format!("{words} --json")).assert().success().get_output().stdout);
+    let error = found["rmse_mm"].as_f64().unwrap();
+    assert!(error < 0.5 && found["rmse_aligned_mm"].as_f64().unwrap() <= error, "{error} mm");
+    let printed = dermatome(at, words).assert().success();
+    assert!(String::from_utf8_lossy(&printed.get_output().stdout).contains("RMSE "));
+}
+
 /// Without a column of uncertainty the noise is estimated, and an untouched module is named.
 #[test]
 fn what_is_assumed_is_printed() {

@@ -332,3 +332,70 @@ fn self_touches_of_a_nao_go_through() {
     assert!((0.0015..0.002).contains(&sigma), "{sigma} m");
     dermatome(&folder, "calibrate contacts.csv -o skin.csv").assert().success();
 }
+
+/// A taxel of the drawing that is too far from others for a triangle is a taxel like the others.
+#[test]
+fn taxels_of_a_drawing_need_no_triangle() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let drawing = "taxel_id,x,y,z,nx,ny,nz\n0,0,0,0,0,0,1\n1,0.005,0,0,0,0,1\n2,0,0.005,0,0,0,1\n3,0.005,0.005,0,0,0,1\n4,0.05,0.05,0,0,0,1\n";
+    fs::write(folder.join("drawing.csv"), drawing).unwrap();
+    let log = "touch,x,y,z,qx,qy,qz,qw,px,py,pz,radius,taxels\n0,0,0,0,0,0,0,1,0.002,0.002,0.009,0.01,0;1;2;3\n1,0,0,0,0,0,0,1,0.05,0.05,0.009,0.01,4\n";
+    fs::write(folder.join("log.csv"), log).unwrap();
+    dermatome(folder, "touches log.csv --skin drawing.csv -o contacts.csv").assert().success();
+    let rows = table(&folder.join("contacts.csv"));
+    let far = rows.iter().find(|row| row["i"] == "4").unwrap();
+    assert!(
+        far["z"].parse::<f64>().unwrap().abs() < 2e-3,
+        "the radius is taken off along its normal: {far:?}"
+    );
+    assert_eq!(rows.len(), 5);
+}
+
+/// A log is judged before any fit: what no skin follows from is an error, what it cannot tell a warning.
+#[test]
+fn check_says_what_is_wrong_with_a_log() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    dermatome(folder, "simulate --arm --taxels 40 --seed 3 -o log.csv").assert().success();
+    let kinds = |name: &str, code: i32| -> Vec<String> {
+        let run = dermatome(folder, &format!("check {name} --json")).assert().code(code);
+        let found = json(&run.get_output().stdout);
+        assert!(found["log"]["touches"].as_u64() > Some(0) || code == 1, "{found}");
+        found["findings"].as_array().unwrap().iter().map(|f| f["kind"].as_str().unwrap().into()).collect()
+    };
+    let clean = kinds("log.csv", 0);
+    assert!(clean.iter().all(|kind| ["coverage", "lone"].contains(&&**kind)), "{clean:?}");
+    let text = fs::read_to_string(folder.join("log.csv")).unwrap();
+    let names: Vec<&str> = text.lines().next().unwrap().split(',').collect();
+    let changed = |name: &str, change: &dyn Fn(usize, &str, &str) -> String| {
+        let row = |(k, line): (usize, &str)| {
+            let cells = names.iter().zip(line.split(',')).map(|(name, cell)| change(k, name, cell));
+            cells.collect::<Vec<String>>().join(",")
+        };
+        let rows: Vec<String> = text.lines().skip(1).enumerate().map(row).collect();
+        fs::write(folder.join(name), format!("{}\n{}\n", names.join(","), rows.join("\n"))).unwrap();
+    };
+    let number = |cell: &str| cell.parse::<f64>().unwrap();
+    let pose = ["x", "y", "z", "qx", "qy", "qz", "qw"];
+    let first: Vec<&str> = text.lines().nth(1).unwrap().split(',').collect();
+    let of_first = |name: &str| first[names.iter().position(|n| *n == name).unwrap()].to_owned();
+    changed("still.csv", &|_, name, cell| if pose.contains(&name) { of_first(name) } else { cell.into() });
+    assert!(kinds("still.csv", 1).contains(&"still".into()));
+    let lengths = ["x", "y", "z", "px", "py", "pz", "radius"];
+    changed("mm.csv", &|_, name, cell| {
+        if lengths.contains(&name) { (1e3 * number(cell)).to_string() } else { cell.into() }
+    });
+    assert!(kinds("mm.csv", 1).contains(&"unit".into()));
+    changed("bare.csv", &|_, name, cell| match name {
+        "radius" => "0".into(),
+        "taxels" => cell.split(';').map(|felt| felt.split(':').next().unwrap()).collect::<Vec<_>>().join(";"),
+        _ => cell.into(),
+    });
+    let bare = kinds("bare.csv", 0);
+    assert!(["radius", "readings"].iter().all(|kind| bare.iter().any(|k| k == kind)), "{bare:?}");
+    let printed = dermatome(folder, "check bare.csv").assert().success();
+    assert!(
+        String::from_utf8_lossy(&printed.get_output().stdout).contains("radius of the body is not known")
+    );
+}

@@ -224,6 +224,7 @@ fn touches(
                         weight: 1.0,
                         probe: Some(orientation),
                         body: None,
+                        outward: None,
                     });
                 }
                 number += 1;
@@ -477,6 +478,29 @@ fn a_wrong_log_is_not_believed() {
     let wrong = fit_bodies(&observations, &drawn.cad(), &options).unwrap();
     let explained = wrong.held_back.as_ref().unwrap().explained;
     assert!(explained < 0.85 && !wrong.faults().is_empty(), "{explained}: {:?}", wrong.faults());
+}
+
+/// Readings fall as a sphere moves outwards: normals that point inwards are found, which the distances do not show.
+#[test]
+fn normals_that_point_inwards_are_refused() {
+    let drawn = Drawn::new(20);
+    let mut random = Random(14);
+    let truth = drawn.spoiled(&mut random, &Spoil::default(), |module| module);
+    let mut observations = touches(&truth, &mut random, 0..20, 10, Probe { noise: 1e-3, ..STILL }, 1);
+    for number in observations.contacts.ids().collect::<Vec<_>>() {
+        let id = observations.taxels[observations.contacts[number].taxel].id;
+        let module = (0..20).find(|m| (0..TAXELS).any(|k| taxel_id(*m, k) == id)).unwrap();
+        let outward = truth.rotations[module] * drawn.normals[module];
+        observations.touches[number].outward = Some(4.0 * outward + random.vector(0.3));
+    }
+    let options = BodyOptions { folds: Some(Folds::default()), ..BodyOptions::default() };
+    let mut cad = drawn.cad();
+    let right = fit_bodies(&observations, &cad, &options).unwrap();
+    assert!(right.side > 20.0 && right.faults().is_empty(), "{}: {:?}", right.side, right.faults());
+    cad.taxels.iter_mut().for_each(|taxel| taxel.normal = taxel.normal.map(|normal| -normal));
+    let wrong = fit_bodies(&observations, &cad, &options).unwrap();
+    assert!(wrong.side < -20.0, "{}", wrong.side);
+    assert!(wrong.faults()[0].contains("mirrored"), "{:?}", wrong.faults());
 }
 
 /// Repeats of a contact change nothing: neither the result nor its covariances.

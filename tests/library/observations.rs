@@ -65,7 +65,10 @@ fn touches_of_contacts_go_into_a_table_and_come_back() {
     let probe = Some(DQuat::from_xyzw(0.6, 0.0, 0.0, 0.8));
     let body = Some(TouchingBody { centre: DVec3::new(1.0, 2.0, 3.0), radius: 0.01 });
     let rows: Vec<TouchRow> = observations.touches.iter().copied().collect();
-    assert_eq!(rows[0], TouchRow { touch: Some(3), contact: Some(9), weight: 1.0, probe, body });
+    assert_eq!(
+        rows[0],
+        TouchRow { touch: Some(3), contact: Some(9), weight: 1.0, probe, body, outward: None }
+    );
     assert_eq!((rows[1].weight, rows[1].probe), (0.25, Some(DQuat::IDENTITY)));
     let copy = folder.path().join("b.csv");
     write_observations(&copy, &observations).unwrap();

@@ -15,15 +15,16 @@ use anyhow::Context;
 use dermatome::Error;
 use dermatome::calib::{
     Calibration, Comparison, FreeComponent, GoodnessOfFit, Iteration, Loss, Model, ObservationDiagnostics,
-    Observations, Pose, calibrate, compare,
+    Observations, Pose, calibrate,
 };
-use dermatome::id::{IdVec, VertexId};
+use dermatome::id::VertexId;
+use dermatome::skin::TaxelId;
 use serde::Serialize;
 
 pub(crate) use args::Args;
 
 use crate::calibrate::args::ROBUST;
-use crate::calibrate::inputs::{Inputs, Truth};
+use crate::calibrate::inputs::Inputs;
 use crate::console::errors::{BAD_INPUT, advise};
 use crate::console::notes::note;
 use crate::console::print::{print, print_json, print_table, say};
@@ -59,7 +60,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         remark_free(&found, common);
         remark_rejected(&found, observations, common);
     }
-    let truth = inputs.truth.as_ref().map(|truth| against_truth(truth, &found, common)).transpose()?;
+    let placed: Vec<(TaxelId, Pose)> = found.ids.iter().copied().zip(found.poses.iter().copied()).collect();
+    let truth = inputs.truth.as_ref().map(|truth| truth.compare(&placed, common)).transpose()?;
     if !found.termination.is_converged() && !args.keep {
         return Err(advise(
             format!("{}: {}; nothing was written", args.observations.display(), found.termination),
@@ -153,28 +155,6 @@ fn remark_rejected(found: &Calibration, observations: &Observations, common: &Co
             note!(common, "contact of taxel {taxel}: {}", describe(&fits.contacts[c]));
         }
     }
-}
-
-/// Compares the taxels that the truth knows.
-fn against_truth(truth: &Truth, found: &Calibration, common: &Common) -> anyhow::Result<Comparison> {
-    let (mut here, mut there) = (IdVec::<VertexId, Pose>::default(), IdVec::default());
-    for (id, pose) in found.ids.iter().zip(&found.poses) {
-        if let Some(known) = truth.poses.get(id) {
-            here.push(*pose);
-            there.push(*known);
-        }
-    }
-    let (path, known, all) = (truth.path.display(), here.len(), found.ids.len());
-    if known == 0 {
-        return Err(advise(
-            format!("{path} has none of the {all} taxels"),
-            "give the table that `simulate --truth` wrote with these observations: its ids are those of the taxels",
-        ));
-    }
-    if known < all && !common.quiet {
-        note!(common, "{path} has {known} of the {all} taxels; the others are not compared");
-    }
-    Ok(compare(&here, &there).map_err(Error::from)?)
 }
 
 /// What `--json` prints.

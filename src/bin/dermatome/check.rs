@@ -1,11 +1,13 @@
 //! `check`: the problems of a skin, and with recordings of its taxels.
 
+mod log;
 mod order;
 mod recordings;
 
 use std::process::ExitCode;
 
 use dermatome::id::VertexId;
+use dermatome::io::is_touch_log;
 use dermatome::skin::{Draft, Elements, Finding, FindingKind, Severity, Sheet, assemble, check};
 
 use serde_json::{Value, json};
@@ -16,6 +18,7 @@ use crate::console::errors::INCOMPLETE;
 use crate::console::notes::note;
 use crate::console::print::{line, print, print_gaps, print_json};
 use crate::files::input::{gaps_as_json, gaps_of, read_draft_of, read_map_if_any, read_skin};
+use crate::files::outputs;
 use crate::options::{Common, InPath, PatchArgs, ReadArgs};
 
 /// List everything that is wrong with a skin; exit code 1 if `build` would refuse it.
@@ -23,11 +26,12 @@ use crate::options::{Common, InPath, PatchArgs, ReadArgs};
 /// Errors are what `build` refuses; warnings are what it accepts, though it is probably a mistake; notes
 /// are nothing wrong. That taxels are bare is a note on standard error. With recordings, errors are taxels that cannot be
 /// trusted too: dead, stuck, noisy, jumping, chattering, saturated, silent or swapped ones, crosstalk, and steps and turns of modules; those
-/// that nothing touched are untested. With --order recordings show which of their columns is of which taxel.
+/// that nothing touched are untested. With --order recordings show which of their columns is of which taxel. Of a log of
+/// touches, a table with px,py,pz and taxels: whether a skin follows from it, and what it cannot tell.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Skin or mesh: .glb, .gltf, .json, .obj, .off, .ply, .stl, .dae, .3mf, .urdf, .xml, .npz, .csv or
-    /// .txt
+    /// .txt; or a log of touches: .csv or .txt
     file: InPath,
     /// Print all elements of every finding as JSON.
     #[arg(long)]
@@ -44,6 +48,12 @@ pub(crate) struct Args {
 const SHOWN: usize = 8;
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
+    if matches!(&*outputs::kind(&args.file), "csv" | "txt")
+        && args.recordings.is_empty()
+        && is_touch_log(&args.file)
+    {
+        return log::run(&args.file, args.json, common);
+    }
     args.recordings.check(if args.order.order { "twice" } else { "three times" })?;
     let draft = read_draft_of(&args.file, &args.read, false)?;
     // A map that lookups refuse is no skin without findings.

@@ -23,7 +23,7 @@ use serde::Serialize;
 use crate::console::errors::advise;
 use crate::console::notes::{note, note_columns};
 use crate::console::print::print_json;
-use crate::files::input::read_any_skin;
+use crate::files::input::{read_any_skin, read_draft_of, read_map_if_any};
 use crate::files::outputs;
 use crate::options::{
     Common, InPath, JointsArg, OutFile, ReadArgs, RobotArgs, SkipArg, joints, length_mm, skip_arg,
@@ -132,12 +132,17 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     // The link that the log has, or the one of several that is chosen.
     let link = args.link.as_deref().or_else(|| rows.first().map(|row| &*row.link)).unwrap_or_default();
     let made = args.log(&rows, skin.as_ref(), link, common)?;
-    let of_link = |skin| Drawing::of_link(skin, link).map_err(Error::from).with_context(|| args.about());
+    let mut drawing = skin.as_ref().map(|skin| Drawing::of_link(skin, link)).transpose();
+    if let (Ok(Some(drawing)), Some(path)) = (&mut drawing, &args.skin)
+        && read_map_if_any(path)?.is_none()
+    {
+        drawing.add_bare(&read_draft_of(path, &args.read, false)?, link);
+    }
     let options = TouchesOptions {
         taxel_radius: Some(args.taxel),
         gain: args.stiffness_kpa.map(|kpa| kpa * 1e6 * std::f64::consts::PI * args.taxel * args.taxel),
         arm_noise: args.arm_noise,
-        drawing: skin.as_ref().map(of_link).transpose()?,
+        drawing: drawing.map_err(Error::from).with_context(|| args.about())?,
         left_out: args.left_out(common)?,
     };
     let found =

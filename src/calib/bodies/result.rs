@@ -104,6 +104,9 @@ pub struct BodyCalibration {
     pub noise: f64,
     /// The same over what is stated.
     pub noise_over_stated: f64,
+    /// Whether readings fall along the normals of the fit, as a sphere moves outwards, in standard deviations: far above 0 for
+    /// the right drawing, far below for a mirrored one; 0 if the touches do not tell.
+    pub side: f64,
     /// Levels below the mount, down to that of the options, with their tolerance as given and as learned from the touches.
     pub tolerances: Vec<(BodyLevel, Tolerance, Tolerance)>,
     /// Number of touches and of contacts.
@@ -176,6 +179,7 @@ impl Fit<'_> {
             noise: median(sigmas.iter().map(|[found, _]| *found)).unwrap_or(f64::NAN),
             noise_over_stated: median(sigmas.iter().map(|[found, stated]| found / stated))
                 .unwrap_or(f64::NAN),
+            side: self.side(),
             tolerances: tolerances.collect(),
             counts: [touches.all.len(), touches.contacts],
             rejected: rejected.map(|(touch, _)| touch).collect(),
@@ -188,6 +192,21 @@ impl Fit<'_> {
             converged: solved.converged,
         }
         .named_as(cad)
+    }
+
+    /// The sum over the touches of how their readings fall along the normals, each bounded.
+    fn side(&self) -> f64 {
+        /// A touch counts at most this many standard deviations.
+        const MOST_SIGMAS: f64 = 6.0;
+        /// Touches tell only if their mean is beyond this: presses have 4.7, a sphere that rolls with a constant force 0.9.
+        const LEAST_MEAN: f64 = 1.5;
+        let told = self.touches.all.iter().filter(|touch| touch.outward != DVec3::ZERO).map(|touch| {
+            let normal = self.solved.placement.error(self.hierarchy, touch).1;
+            normal.dot(touch.outward).clamp(-MOST_SIGMAS, MOST_SIGMAS)
+        });
+        let told: Vec<f64> = told.collect();
+        let (sum, count) = (told.iter().sum::<f64>(), told.len() as f64);
+        if sum.abs() > LEAST_MEAN * count { sum / count.sqrt() } else { 0.0 }
     }
 
     /// Number of contacts of inliers that each body carries.

@@ -33,6 +33,8 @@ pub(super) struct Touch {
     pub(super) stated: Stated,
     /// How far the position is from the taxels along their normals, before the standoff is known, in m.
     pub(super) lift: f64,
+    /// The direction in which its readings fell, its length in standard deviations; zero if it is not known.
+    pub(super) outward: DVec3,
     /// Number of its contact, dense.
     pub(super) contact: usize,
     /// Weight of the touch: one over the touches of its contact.
@@ -67,6 +69,7 @@ struct RowSum {
     normal: DVec3,
     /// Weighted sums of the centre and of the radius, where all rows have them.
     body: Option<(DVec3, f64)>,
+    outward: DVec3,
 }
 
 impl Touches {
@@ -124,6 +127,7 @@ impl Touches {
                     return Err(CalibError::WrongModel { observation, id, model: Model::Positions, needed });
                 }
             };
+            sum.outward += row.weight * row.outward.unwrap_or(DVec3::ZERO);
             sum.normal += cad.taxels[vertex].normal.unwrap_or(DVec3::ZERO);
             sum.body = sum.body.zip(row.body).map(|((centre, radius), body)| {
                 (centre + row.weight * body.centre, radius + row.weight * body.radius)
@@ -162,6 +166,7 @@ impl Touches {
                 probe: sum.probe * share,
                 stated,
                 lift,
+                outward: share * sum.outward,
                 contact,
                 weight: 1.0,
             });
@@ -195,6 +200,7 @@ impl RowSum {
             information: DMat3::ZERO,
             normal: DVec3::ZERO,
             body: Some((DVec3::ZERO, 0.0)),
+            outward: DVec3::ZERO,
         }
     }
 }

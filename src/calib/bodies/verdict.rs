@@ -16,6 +16,10 @@ const MOST_REJECTED: f64 = 0.5;
 const LEAST_GAIN: f64 = 1.0;
 const MOST_NOISE: f64 = 2.0;
 
+/// Readings that fall so many standard deviations against the normals are those of a mirrored drawing: right ones have 40 and more,
+/// mirrored ones -40 and less.
+const LEAST_SIDE: f64 = -4.0;
+
 /// Noise over the stated one, above which a fit is doubtful.
 const DOUBTFUL_NOISE: f64 = 3.0;
 
@@ -26,6 +30,13 @@ impl BodyCalibration {
     /// Why the fit cannot be believed, a sentence each; empty if it can, or if there are too few contacts to judge it.
     pub fn faults(&self) -> Vec<String> {
         let mut said = Vec::new();
+        if self.side < LEAST_SIDE {
+            said.push(format!(
+                "readings grow as the sphere moves outwards by the normals of the fit ({:.0} standard deviations): the drawing is \
+                 mirrored, or its normals point inwards",
+                -self.side
+            ));
+        }
         let Some(held_back) = &self.held_back else { return said };
         if held_back.explained.is_nan() || held_back.explained < LEAST_EXPLAINED {
             said.push(format!(

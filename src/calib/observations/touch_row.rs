@@ -21,6 +21,8 @@ pub struct TouchRow {
     pub probe: Option<DQuat>,
     /// The body that touched, if it is known.
     pub body: Option<TouchingBody>,
+    /// The direction in which the readings fell as the body moved, its length in standard deviations of that, if known.
+    pub outward: Option<DVec3>,
 }
 
 /// A sphere that touched.
@@ -34,7 +36,7 @@ pub struct TouchingBody {
 
 impl Default for TouchRow {
     fn default() -> Self {
-        Self { touch: None, contact: None, weight: 1.0, probe: None, body: None }
+        Self { touch: None, contact: None, weight: 1.0, probe: None, body: None, outward: None }
     }
 }
 
@@ -64,6 +66,9 @@ impl Observations {
             }
             let is_body =
                 |body: TouchingBody| is_within_reach(body.centre) && (0.0..=1e3).contains(&body.radius);
+            if row.outward.is_some_and(|outward| !outward.is_finite()) {
+                return invalid("the direction in which its readings fell is not finite");
+            }
             if row.body.is_some_and(|body| !is_body(body)) {
                 return invalid("the body has no centre within 1e12 m, or no radius from 0 to 1000 m");
             }

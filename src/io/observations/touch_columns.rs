@@ -1,4 +1,4 @@
-//! The columns of a table of contacts about touches: `touch`, `contact`, `weight`, `qx,qy,qz,qw`, `px,py,pz,radius`.
+//! The columns of a table of contacts about touches: `touch`, `contact`, `weight`, `qx,qy,qz,qw`, `px,py,pz,radius`, `outx,outy,outz`.
 
 use std::io::Write;
 
@@ -15,10 +15,11 @@ const CONTACT: &str = "contact";
 const WEIGHT: &str = "weight";
 const PROBE: [&str; 4] = ["qx", "qy", "qz", "qw"];
 const BODY: [&str; 4] = ["px", "py", "pz", "radius"];
+const OUTWARD: [&str; 3] = ["outx", "outy", "outz"];
 
 /// All of them.
-pub(super) const TOUCH_COLUMNS: [&str; 11] =
-    [TOUCH, CONTACT, WEIGHT, "qx", "qy", "qz", "qw", "px", "py", "pz", "radius"];
+pub(super) const TOUCH_COLUMNS: [&str; 14] =
+    [TOUCH, CONTACT, WEIGHT, "qx", "qy", "qz", "qw", "px", "py", "pz", "radius", "outx", "outy", "outz"];
 
 /// The columns that a table has.
 #[derive(Debug, Clone, Copy)]
@@ -28,6 +29,7 @@ pub(super) struct TouchColumns {
     weight: Option<usize>,
     probe: Option<[usize; 4]>,
     body: Option<[usize; 4]>,
+    outward: Option<[usize; 3]>,
 }
 
 impl TouchColumns {
@@ -35,8 +37,10 @@ impl TouchColumns {
     pub(super) fn find(columns: &Columns) -> Result<Option<Self>> {
         let [touch, contact, weight] = [TOUCH, CONTACT, WEIGHT].map(|name| columns.find(name));
         let (probe, body) = (columns.find_vector(PROBE)?, columns.find_vector(BODY)?);
-        let has_any = touch.or(contact).or(weight).is_some() || probe.or(body).is_some();
-        Ok(has_any.then_some(Self { touch, contact, weight, probe, body }))
+        let outward = columns.find_vector(OUTWARD)?;
+        let has_vector = probe.or(body).is_some() || outward.is_some();
+        let has_any = touch.or(contact).or(weight).is_some() || has_vector;
+        Ok(has_any.then_some(Self { touch, contact, weight, probe, body, outward }))
     }
 
     pub(super) fn read(self, row: Row<'_>) -> Result<TouchRow> {
@@ -46,6 +50,10 @@ impl TouchColumns {
         let body = |columns: [usize; 4]| -> Result<TouchingBody> {
             let [x, y, z, radius] = columns.map(|column| row.number(column));
             Ok(TouchingBody { centre: DVec3::new(x?, y?, z?), radius: radius? })
+        };
+        let outward = |columns: [usize; 3]| -> Result<DVec3> {
+            let [x, y, z] = columns.map(|column| row.number(column));
+            Ok(DVec3::new(x?, y?, z?))
         };
         let weight = self.weight.map(|column| match row.number(column)? {
             x if x > 0.0 => Ok(x),
@@ -57,6 +65,7 @@ impl TouchColumns {
             weight: weight.transpose()?.unwrap_or(1.0),
             probe: self.probe.map(|columns| row.rotation(columns)).transpose()?,
             body: self.body.map(body).transpose()?,
+            outward: self.outward.map(outward).transpose()?,
         })
     }
 }
@@ -67,7 +76,8 @@ pub(super) fn written(observations: &Observations) -> Vec<&'static str> {
     let touch = first.touch.map(|_| TOUCH);
     let contact = first.contact.map(|_| CONTACT);
     let (probe, body) = (first.probe.map(|_| PROBE), first.body.map(|_| BODY));
-    let vectors = [probe, body].into_iter().flatten().flatten();
+    let outward = first.outward.map(|_| OUTWARD);
+    let vectors = [probe, body].into_iter().flatten().flatten().chain(outward.into_iter().flatten());
     touch.into_iter().chain(contact).chain([WEIGHT]).chain(vectors).collect()
 }
 
@@ -80,7 +90,8 @@ pub(super) fn write(columns: &[&str], row: &TouchRow, table: &mut TableWriter<im
     if !(fits(TOUCH, row.touch.is_some())
         && fits(CONTACT, row.contact.is_some())
         && fits(PROBE[0], row.probe.is_some())
-        && fits(BODY[0], row.body.is_some()))
+        && fits(BODY[0], row.body.is_some())
+        && fits(OUTWARD[0], row.outward.is_some()))
     {
         return false;
     }
@@ -88,5 +99,6 @@ pub(super) fn write(columns: &[&str], row: &TouchRow, table: &mut TableWriter<im
     table.decimals([row.weight]);
     table.decimals(row.probe.into_iter().flat_map(|q| q.to_array()));
     table.decimals(row.body.into_iter().flat_map(|b| [b.centre.x, b.centre.y, b.centre.z, b.radius]));
+    table.decimals(row.outward.into_iter().flat_map(|outward| outward.to_array()));
     true
 }

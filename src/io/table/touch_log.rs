@@ -72,6 +72,14 @@ pub fn read_touches(path: &Path) -> std::result::Result<TouchRows, IoError> {
     read_source(&Source::open(path)?)
 }
 
+/// Whether a file is a table with columns `px,py,pz` and `taxels`, as a log of touches by itself has them.
+pub fn is_touch_log(path: &Path) -> bool {
+    let Ok(source) = Source::open(path) else { return false };
+    Table::of(&source).is_ok_and(|Table { columns, .. }| {
+        columns.find("taxels").is_some() && matches!(columns.find_vector(BODY), Ok(Some(_)))
+    })
+}
+
 /// As [`read_touches`], of the bytes of a table; errors call it `name`.
 ///
 /// # Errors
@@ -196,7 +204,7 @@ pub fn write_touch_log(
     })
 }
 
-/// Writes contacts: `i,x,y,z,touch[,contact],weight[,qx,qy,qz,qw][,px,py,pz,radius],ixx,ixy,ixz,iyy,iyz,izz`, metres and
+/// Writes contacts: `i,x,y,z,touch[,contact],weight[,qx,qy,qz,qw][,px,py,pz,radius][,outx,outy,outz],ixx,ixy,ixz,iyy,iyz,izz`, metres and
 /// 1/m^2. `contact` and the orientation of the body stand there if the log has them, the body if no touch is of a plane.
 ///
 /// # Errors
@@ -214,6 +222,8 @@ pub fn write_touch_contacts(
     header += if has_rotations { ",qx,qy,qz,qw" } else { "" };
     let has_bodies = contacts.iter().all(|contact| contact.body.is_some());
     header += if has_bodies { ",px,py,pz,radius" } else { "" };
+    let has_outward = contacts.iter().all(|contact| contact.outward.is_some());
+    header += if has_outward { ",outx,outy,outz" } else { "" };
     header += ",ixx,ixy,ixz,iyy,iyz,izz";
     write_table(&path.into(), &header, |table| {
         for contact in contacts {
@@ -231,6 +241,8 @@ pub fn write_touch_contacts(
             }
             let body = contact.body.filter(|_| has_bodies).into_iter();
             table.decimals(body.flat_map(|body| [body.centre.x, body.centre.y, body.centre.z, body.radius]));
+            let outward = contact.outward.filter(|_| has_outward).into_iter();
+            table.decimals(outward.flat_map(|outward| outward.to_array()));
             table.decimals(contact.information.upper());
             table.end_row()?;
         }

@@ -118,6 +118,7 @@ impl Drawing {
         all.set_item("dof", found.degrees_of_freedom)?;
         all.set_item("noise", found.noise)?;
         all.set_item("noise_over_stated", found.noise_over_stated)?;
+        all.set_item("side", found.side)?;
         all.set_item("faults", found.faults())?;
         let probe = found.probe.map(|probe| {
             let of = |v: DVec3| vector(py, v.to_array());

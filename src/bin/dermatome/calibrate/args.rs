@@ -14,7 +14,7 @@ pub(crate) struct Args {
     /// A table names its columns: i,j,dx,dy,dz for displacements or i,x,y,z for contacts, which may
     /// have nx,ny,nz and sigma_n in rad; then, for either, sigma in m, or sx,sy,sz, or the
     /// information ixx,ixy,ixz,iyy,iyz,izz in 1/m^2; 1 mm if none is given. Contacts may have the columns touch,
-    /// contact, weight, qx,qy,qz,qw and px,py,pz,radius, which --cad uses. No other columns and no empty cells.
+    /// contact, weight, qx,qy,qz,qw, px,py,pz,radius and outx,outy,outz, which --cad uses. No other columns and no empty cells.
     pub(super) observations: InPath,
     /// Where to write: a table .csv, the graph with calibrated poses .g2o, or a skin .glb, .gltf,
     /// .json, .obj, .off, .ply, .stl; may be given more than once

@@ -6,17 +6,18 @@ use std::time::Instant;
 
 use anyhow::Context;
 use dermatome::Error;
-use dermatome::calib::{BodyCalibration, fit_bodies};
+use dermatome::calib::{BodyCalibration, Comparison, Pose, fit_bodies};
 use dermatome::io::{write_bodies, write_skin};
+use dermatome::skin::TaxelId;
 
 use crate::calibrate::args::Args;
 use crate::calibrate::body_summary::{BodySummary, print_bodies};
 use crate::calibrate::drawing::Drawing;
-use crate::calibrate::inputs::{is_assumed, read_seen};
+use crate::calibrate::inputs::{Truth, is_assumed, read_seen};
 use crate::calibrate::results::{OutputKind, check};
 use crate::console::errors::{BAD_INPUT, advise};
 use crate::console::notes::{note, remark_lost};
-use crate::console::print::{print_json, say};
+use crate::console::print::{print, print_json, say};
 use crate::console::progress;
 use crate::files::outputs;
 use crate::options::Common;
@@ -29,6 +30,7 @@ pub(super) const NOISE_IS_ESTIMATED: &str =
 pub(super) fn run(args: &Args, cad: &Path, common: &Common) -> anyhow::Result<ExitCode> {
     let outputs = check_outputs(args)?;
     let drawing = Drawing::read(cad, &args.cad, common)?;
+    let truth = Truth::read(args)?;
     let (mut observations, remarks) = read_seen(&args.observations, &[])?;
     remarks.iter().filter(|remark| !is_assumed(remark)).for_each(|remark| note!(common, "{remark}"));
     if remarks.iter().any(is_assumed) {
@@ -46,10 +48,9 @@ pub(super) fn run(args: &Args, cad: &Path, common: &Common) -> anyhow::Result<Ex
     if !common.quiet {
         found.remarks(&drawing.cad).iter().for_each(|remark| note!(common, "{remark}"));
     }
-    if !found.converged && !args.keep {
-        let what = format!("{}: not converged; nothing was written", args.observations.display());
-        return Err(advise(what, "give smaller tolerances, or write what there is with --keep"));
-    }
+    let placed: Vec<(TaxelId, Pose)> =
+        found.taxels.iter().map(|t| (t.id, Pose { position: t.position, ..Pose::default() })).collect();
+    let truth = truth.map(|truth| truth.compare(&placed, common)).transpose()?;
     let faults = found.faults();
     if !faults.is_empty() && !args.keep {
         let what = format!("{}: {}; nothing was written", args.observations.display(), faults.join("; "));
@@ -58,11 +59,19 @@ pub(super) fn run(args: &Args, cad: &Path, common: &Common) -> anyhow::Result<Ex
             "check that ids, poses and drawing belong together, or write what there is with --keep",
         ));
     }
+    if !found.converged && !args.keep {
+        let what = format!("{}: not converged; nothing was written", args.observations.display());
+        return Err(advise(what, "give smaller tolerances, or write what there is with --keep"));
+    }
     write(&outputs, &drawing, &found, common)?;
     if args.json {
-        print_json("dermatome.bodies/1", &BodySummary::new(&found, &drawing.cad, seconds))?;
+        print_json("dermatome.bodies/1", &BodySummary::new(&found, &drawing.cad, seconds, truth))?;
     } else if !common.quiet {
         print_bodies(&found)?;
+        if let Some(Comparison { absolute, rigid, .. }) = truth {
+            let [absolute, rigid] = [absolute, rigid].map(|metres| 1e3 * metres);
+            print(&format!("RMSE {absolute:.4} mm, after rigid alignment {rigid:.4} mm\n"))?;
+        }
     }
     if !faults.is_empty() {
         // Also in a quiet run: an exit code that is not 0 needs its reason.

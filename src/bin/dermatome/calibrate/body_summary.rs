@@ -1,6 +1,8 @@
 //! What `calibrate --cad` prints.
 
-use dermatome::calib::{BodyCalibration, BodyFit, BodyLevel, CadSkin, HeldBack, ModuleId, Tolerance};
+use dermatome::calib::{
+    BodyCalibration, BodyFit, BodyLevel, CadSkin, Comparison, HeldBack, ModuleId, Tolerance,
+};
 use serde::Serialize;
 
 use crate::console::print::{plain, print, print_table};
@@ -15,6 +17,7 @@ pub(super) struct BodySummary {
     dof: f64,
     noise_mm: f64,
     noise_over_stated: f64,
+    side: f64,
     tolerances: Vec<ToleranceRow>,
     faults: Vec<String>,
     doubts: Vec<String>,
@@ -29,6 +32,10 @@ pub(super) struct BodySummary {
     steps: usize,
     converged: bool,
     seconds: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    rmse_mm: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    rmse_aligned_mm: Option<f64>,
 }
 
 #[derive(Debug, Serialize)]
@@ -102,7 +109,12 @@ struct LevelRow {
 }
 
 impl BodySummary {
-    pub(super) fn new(found: &BodyCalibration, cad: &CadSkin, seconds: f64) -> Self {
+    pub(super) fn new(
+        found: &BodyCalibration,
+        cad: &CadSkin,
+        seconds: f64,
+        truth: Option<Comparison>,
+    ) -> Self {
         let name = |module: ModuleId| cad.modules[module].name.clone();
         let [touches, contacts] = found.counts;
         let probe = found.probe.map(|probe| ProbeSummary {
@@ -118,6 +130,7 @@ impl BodySummary {
             dof: found.degrees_of_freedom,
             noise_mm: 1e3 * found.noise,
             noise_over_stated: found.noise_over_stated,
+            side: found.side,
             tolerances: found.tolerances.iter().map(ToleranceRow::new).collect(),
             faults: found.faults(),
             doubts: found.doubts(),
@@ -132,6 +145,8 @@ impl BodySummary {
             steps: found.steps,
             converged: found.converged,
             seconds,
+            rmse_mm: truth.map(|truth| 1e3 * truth.absolute),
+            rmse_aligned_mm: truth.map(|truth| 1e3 * truth.rigid),
         }
     }
 }

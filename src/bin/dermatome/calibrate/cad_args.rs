@@ -11,10 +11,10 @@ pub(crate) struct CadArgs {
     /// The skin as drawn, with ids of taxels: touches move its mount, patches and modules
     ///
     /// Any skin, or a table taxel_id,x,y,z with nx,ny,nz, module and patch where they are known, in m, in the frame of the
-    /// contacts. The contacts may have the columns touch, contact, weight, qx,qy,qz,qw and px,py,pz,radius. Of the
+    /// contacts. The contacts may have the columns touch, contact, weight, qx,qy,qz,qw, px,py,pz,radius and outx,outy,outz. Of the
     /// stated uncertainty only the shape counts: its scale is estimated.
     #[arg(long, value_name = "SKIN", conflicts_with_all = [
-        "contacts", "triangles", "truth", "inliers", "robust", "residual", "initial", "iterations",
+        "contacts", "triangles", "inliers", "robust", "residual", "initial", "iterations",
         "clip_information", "no_covariance",
     ])]
     pub(super) cad: Option<InPath>,

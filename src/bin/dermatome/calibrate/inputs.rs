@@ -5,10 +5,10 @@ use std::io::{BufReader, stdin};
 use std::path::{Path, PathBuf};
 
 use dermatome::Error;
-use dermatome::calib::{Observations, Pose};
-use dermatome::id::VertexId;
+use dermatome::calib::{Comparison, Observations, Pose, compare};
+use dermatome::id::{IdVec, VertexId};
 use dermatome::io::{
-    IoError, ObservationRemark, observations_from_stream, read_observations, read_triangles, read_truth,
+    ObservationRemark, observations_from_stream, read_observations, read_triangles, read_truth,
 };
 use dermatome::skin::TaxelId;
 
@@ -72,11 +72,38 @@ impl Inputs {
         let ids = observations.taxels.map(|t| t.id);
         let triangles = args.triangles.as_ref().map(|path| read_triangles(path, &ids));
         let triangles = triangles.transpose().map_err(Error::from)?;
-        let truth = args.truth.as_ref().map(|path| {
-            let mut poses: HashMap<_, Pose> = read_truth(path)?.into_iter().collect();
-            poses.values_mut().for_each(|pose| pose.position *= metres);
-            Ok(Truth { path: path.into(), poses })
-        });
-        Ok(Self { observations, triangles, truth: truth.transpose().map_err(|e: IoError| Error::from(e))? })
+        Ok(Self { observations, triangles, truth: Truth::read(args)? })
+    }
+}
+
+impl Truth {
+    /// That of the arguments.
+    pub(super) fn read(args: &Args) -> anyhow::Result<Option<Self>> {
+        let Some(path) = &args.truth else { return Ok(None) };
+        let mut poses: HashMap<_, Pose> = read_truth(path).map_err(Error::from)?.into_iter().collect();
+        poses.values_mut().for_each(|pose| pose.position *= args.unit.metres());
+        Ok(Some(Self { path: path.into(), poses }))
+    }
+
+    /// Compares the taxels that it knows.
+    pub(super) fn compare(&self, found: &[(TaxelId, Pose)], common: &Common) -> anyhow::Result<Comparison> {
+        let (mut here, mut there) = (IdVec::<VertexId, Pose>::default(), IdVec::default());
+        for (id, pose) in found {
+            if let Some(known) = self.poses.get(id) {
+                here.push(*pose);
+                there.push(*known);
+            }
+        }
+        let (path, known, all) = (self.path.display(), here.len(), found.len());
+        if known == 0 {
+            return Err(advise(
+                format!("{path} has none of the {all} taxels"),
+                "give the table that `simulate --truth` wrote with these observations: its ids are those of the taxels",
+            ));
+        }
+        if known < all && !common.quiet {
+            note!(common, "{path} has {known} of the {all} taxels; the others are not compared");
+        }
+        Ok(compare(&here, &there).map_err(Error::from)?)
     }
 }

@@ -150,6 +150,9 @@ class BodyCalibration:
         Squared whitened errors of inliers and motions over their tolerances, without a unit; numbers that the inliers observe.
     noise, noise_over_stated : float
         Standard deviation of a touch per axis, in m, as it is estimated, and over what the observations state.
+    side : float
+        How readings fall along the normals of the fit as the sphere moves outwards, in standard deviations: far below 0 for
+        a mirrored drawing, 0 if the touches do not tell.
     faults : tuple of str
         Why the fit cannot be believed; empty if it can, or if there are too few contacts to judge it.
     probe : ProbeOffset or None
@@ -187,6 +190,7 @@ class BodyCalibration:
     dof: float
     noise: float
     noise_over_stated: float
+    side: float
     faults: tuple[str, ...]
     probe: ProbeOffset | None
     standoff: float | None

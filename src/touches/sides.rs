@@ -1,0 +1,202 @@
+//! Normals of taxels without a drawing, and on which side of them the sphere was.
+//!
+//! The centres of a sphere that touches lie on the skin raised by its radius, so that a normal is that of the quadric through all
+//! of them near a taxel: one mean centre for each taxel is less exact by a contact. Signs follow from neighbour to neighbour
+//! along the minimum spanning tree `(hoppe1992)`, nearly parallel normals first. The side of a connected piece is that to which it
+//! bends, or where it is flat that to which readings fall while the sphere moves, or else away from the origin of the link.
+//!
+//! *Heuristic*: normals of one mean centre for each taxel, joined breadth first, put 4 taxels of one simulated log and 9 of another
+//! on the far side of the sphere; these put none there.
+
+use glam::DVec3;
+
+use crate::id::{IdVec, VertexId};
+use crate::numeric::{DisjointSets, Relation, argsort, solve_system, symmetric_eigen};
+use crate::touches::gather::Samples;
+use crate::touches::surface::neighbours;
+
+/// A touch counts at most this many standard deviations.
+const MOST_SIGMAS: f64 = 6.0;
+
+/// The side is that of the readings if the sum over the touches is beyond so many standard deviations.
+const LEAST_SIGMAS: f64 = 4.0;
+
+/// Touches tell the side only if the mean over them is beyond so many standard deviations: presses have 4.7, a sphere that rolls with a constant
+/// force, which tells nothing, has 0.9, from the rim of the skin.
+const LEAST_MEAN: f64 = 1.5;
+
+/// What a spacing between two taxels costs in the spanning tree, next to one less the cosine of their normals.
+const COST_OF_SPACING: f64 = 0.02;
+
+/// A sum over touches in standard deviations; 0 if they do not tell the side.
+fn side_told(sum: f64, count: f64) -> f64 {
+    if sum.abs() > LEAST_MEAN * count { sum / count.sqrt() } else { 0.0 }
+}
+
+/// What one touch says of the side.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Outward {
+    /// The mean position of the body, in the frame of the link, in m.
+    pub(super) centre: DVec3,
+    /// The direction in which the readings fell, its length in standard deviations; zero where the touch does not tell.
+    pub(super) direction: DVec3,
+}
+
+/// What each touch says of the side: a linear regression of the sums of the readings of its frames on the positions, and on the square
+/// of the way along it. At the rim of a bent skin readings fall, and the body bends inwards: that square says so, not the height.
+pub(super) fn outwards(samples: &Samples, frames: usize) -> Vec<Outward> {
+    let mut sums: Vec<Option<(usize, DVec3, f64)>> = vec![None; frames];
+    for sample in samples.of.iter().flatten() {
+        sums[sample.frame].get_or_insert((sample.touch, sample.centre, 0.0)).2 += sample.reading;
+    }
+    let frames: Vec<(usize, DVec3, f64)> = sums.into_iter().flatten().collect();
+    let mut all = vec![Outward::default(); samples.touches.len()];
+    for touch in frames.chunk_by(|a, b| a.0 == b.0) {
+        let centre = touch.iter().map(|frame| frame.1).sum::<DVec3>() / touch.len() as f64;
+        let direction = direction(touch, centre).unwrap_or(DVec3::ZERO);
+        all[touch[0].0] = Outward { centre, direction };
+    }
+    all
+}
+
+/// The direction in which sums of readings fall. `None` below six frames, or if they are at one place.
+fn direction(frames: &[(usize, DVec3, f64)], mean: DVec3) -> Option<DVec3> {
+    /// Frames without which five unknowns leave no residual.
+    const LEAST_FRAMES: usize = 6;
+    /// What is added to the normal equations, over one frame: directions in which the body did not move have no slope.
+    const DAMPING: f64 = 1e-3;
+    /// Least variance of the sums, over the largest one squared: the model is no better.
+    const LEAST_VARIANCE: f64 = 1e-6;
+    let count = frames.len() as f64;
+    let largest = frames.iter().map(|frame| frame.2).fold(0.0, f64::max);
+    let scale = (frames.iter().map(|frame| frame.1.distance_squared(mean)).sum::<f64>() / count).sqrt();
+    if frames.len() < LEAST_FRAMES || !(scale > 0.0 && largest > 0.0) {
+        return None;
+    }
+    let mut scatter = [[0.0; 3]; 3];
+    for at in frames.iter().map(|frame| ((frame.1 - mean) / scale).to_array()) {
+        for (line, a) in scatter.iter_mut().zip(at) {
+            line.iter_mut().zip(at).for_each(|(cell, b)| *cell += a * b);
+        }
+    }
+    let (values, vectors) = symmetric_eigen(&scatter);
+    let most = (0..3).max_by(|&a, &b| values[a].total_cmp(&values[b]))?;
+    let way = DVec3::from_array([0, 1, 2].map(|row| vectors[row][most]));
+    let row = |frame: &(usize, DVec3, f64)| {
+        let at = (frame.1 - mean) / scale;
+        [1.0, at.x, at.y, at.z, at.dot(way).powi(2), frame.2 / largest]
+    };
+    let mut system = [[0.0; 6]; 5];
+    for row in frames.iter().map(row) {
+        for (line, a) in system.iter_mut().zip(row) {
+            line.iter_mut().zip(row).for_each(|(cell, b)| *cell += a * b);
+        }
+    }
+    system.iter_mut().enumerate().for_each(|(k, line)| line[k] += DAMPING);
+    let solved = solve_system(system)?;
+    let residual = |row: [f64; 6]| row[5] - (0..5).map(|k| solved[k] * row[k]).sum::<f64>();
+    let squares = frames.iter().map(row).map(|row| residual(row).powi(2)).sum::<f64>();
+    let variance = (squares / (count - 5.0)).max(LEAST_VARIANCE);
+    let slope = DVec3::new(solved[1], solved[2], solved[3]);
+    let along = slope.try_normalize()?;
+    // The variance of the slope along its own direction: a column of the inverse of the normal equations.
+    let mut inverse = system;
+    inverse.iter_mut().zip([0.0, along.x, along.y, along.z, 0.0]).for_each(|(line, b)| line[5] = b);
+    let column = solve_system(inverse)?;
+    let spread = variance * along.dot(DVec3::new(column[1], column[2], column[3]));
+    (spread > 0.0).then(|| -slope / spread.sqrt())
+}
+
+/// Pairs of taxels that feel a frame together, or whose centres are within two spacings.
+pub(super) fn joined(
+    samples: &Samples,
+    centres: &IdVec<VertexId, DVec3>,
+    spacing: f64,
+) -> Vec<[VertexId; 2]> {
+    let mut pairs: Vec<[VertexId; 2]> = neighbours(centres, 2.0 * spacing)
+        .enumerate()
+        .flat_map(|(v, near)| near.iter().filter(move |u| v < **u).map(move |&u| [v, u]).collect::<Vec<_>>())
+        .collect();
+    let frames = samples.of.iter().flatten().map(|sample| sample.frame + 1).max().unwrap_or(0);
+    let mut felt: Vec<Vec<VertexId>> = vec![Vec::new(); frames];
+    for (v, of) in samples.of.enumerate() {
+        of.iter().for_each(|sample| felt[sample.frame].push(v));
+    }
+    for felt in &felt {
+        // A frame of n taxels has n^2 / 2 pairs; those of each with the next ones in the order of ids connect it as well.
+        pairs.extend(felt.windows(2).map(|pair| [pair[0], pair[1]]));
+    }
+    pairs.sort_unstable();
+    pairs.dedup();
+    pairs
+}
+
+/// Turns normals to the outside. Returns `false` if nothing determines it for a piece.
+pub(super) fn orient(
+    points: &IdVec<VertexId, DVec3>,
+    normals: &mut IdVec<VertexId, Option<DVec3>>,
+    pairs: &[[VertexId; 2]],
+    touches: &[Outward],
+    spacing: f64,
+) -> bool {
+    let mut sets = DisjointSets::<VertexId, Relation>::new(points.len());
+    let edge = |&[a, b]: &[VertexId; 2]| {
+        let cosine = normals[a]?.dot(normals[b]?);
+        let cost = 1.0 - cosine.abs() + COST_OF_SPACING * points[a].distance(points[b]) / spacing;
+        Some((cost, [a, b], Relation::reversed_if(cosine < 0.0)))
+    };
+    let edges: Vec<_> = pairs.iter().filter_map(edge).collect();
+    for k in argsort(&edges.iter().map(|edge| edge.0).collect::<Vec<_>>()) {
+        let (_, [a, b], relation) = edges[k];
+        if sets.root(a).0 != sets.root(b).0 {
+            let _ = sets.join(a, b, relation);
+        }
+    }
+    for v in points.ids() {
+        if sets.root(v).1.is_reversed() {
+            normals[v] = normals[v].map(|n| -n);
+        }
+    }
+    let pieces = sets.labels();
+    let mut told = vec![(0.0, 0.0_f64); pieces.count];
+    for touch in touches.iter().filter(|touch| touch.direction != DVec3::ZERO) {
+        let distance = |v: &VertexId| points[*v].distance_squared(touch.centre);
+        let known = points.ids().filter(|v| normals[*v].is_some());
+        let nearest = known.min_by(|a, b| distance(a).total_cmp(&distance(b)));
+        let Some((v, normal)) = nearest.and_then(|v| Some((v, normals[v]?))) else { continue };
+        let (sum, count) = &mut told[pieces.of[v]];
+        *sum += normal.dot(touch.direction).clamp(-MOST_SIGMAS, MOST_SIGMAS);
+        *count += 1.0;
+    }
+    let mut members: Vec<Vec<VertexId>> = vec![Vec::new(); pieces.count];
+    for v in points.ids().filter(|v| normals[*v].is_some()) {
+        members[pieces.of[v]].push(v);
+    }
+    let mut all_told = true;
+    for (piece, (sum, count)) in members.iter().zip(told).filter(|(piece, _)| !piece.is_empty()) {
+        let sigmas = side_told(sum, count);
+        let by_readings = (sigmas.abs() > LEAST_SIGMAS).then_some(sigmas > 0.0);
+        let centre = piece.iter().map(|&v| points[v]).sum::<DVec3>() / piece.len() as f64;
+        let away = || away_from(points, normals, piece, DVec3::ZERO);
+        match away_from(points, normals, piece, centre).or(by_readings).or_else(away) {
+            Some(true) => {}
+            Some(false) => piece.iter().for_each(|&v| normals[v] = normals[v].map(|n| -n)),
+            None => all_told = false,
+        }
+    }
+    all_told
+}
+
+/// Whether the normals of a piece point away from a place, which is its middle for its bend; `None` if most are across.
+fn away_from(
+    points: &IdVec<VertexId, DVec3>,
+    normals: &IdVec<VertexId, Option<DVec3>>,
+    piece: &[VertexId],
+    from: DVec3,
+) -> Option<bool> {
+    /// Sines below this, as the mean of those between normals and the directions from there, are noise.
+    const LEAST_SINE: f64 = 0.05;
+    let sines = piece.iter().filter_map(|&v| Some(normals[v]?.dot((points[v] - from).normalize_or_zero())));
+    let mean = sines.sum::<f64>() / piece.len() as f64;
+    (mean.abs() > LEAST_SINE).then_some(mean > 0.0)
+}
