@@ -1,5 +1,5 @@
 //! What must not matter to a recording, tried on every command that reads one: the prefix of a unit, the order of
-//! columns, a further channel or patch, the origin and the unit of time, a stream or a container in place of a file.
+//! columns, rows and files, a further channel or patch, the origin and the unit of time, a stream or a container in place of a file.
 //! The skin and the recording are uneven on purpose: two links, two patches that share ids, 41 x 9 and 5 x 24 taxels, one
 //! of them absent, names with spaces, three channels, a pause and times that restart.
 
@@ -9,6 +9,10 @@ use std::path::Path;
 
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::Rng;
+
+use dermatome::io::{ReadingsWriter, read_map};
+use dermatome::signal::{Channel, Frame};
+use dermatome::skin::PatchId;
 
 use crate::common::dermatome;
 
@@ -193,7 +197,7 @@ fn changed(column: &str, number: f64, change: &Change) -> f64 {
 type Rows = Vec<Vec<(String, String)>>;
 
 fn table(path: &Path) -> Rows {
-    let mut reader = csv::Reader::from_path(path).unwrap();
+    let mut reader = csv::ReaderBuilder::new().comment(Some(b'#')).from_path(path).unwrap();
     let names: Vec<String> = reader.headers().unwrap().iter().map(Into::into).collect();
     let row = |row: csv::StringRecord| names.iter().cloned().zip(row.iter().map(Into::into)).collect();
     reader.records().map(|record| row(record.unwrap())).collect()
@@ -342,6 +346,96 @@ fn a_further_patch_changes_no_row_of_the_first() {
             &SAME,
             &["track", "name", "contact"],
         );
+    }
+}
+
+/// What every command that takes readings makes of a file, byte by byte, does not depend on the form of the file: the order
+/// of its columns, a row for each reading in any order, a container.
+#[test]
+fn every_command_gives_the_same_bytes_for_every_form_of_a_recording() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    build(folder, "one", &[0]);
+    let recording = Recording::new().channel(0).part(0..PARTS[0]);
+    let order: Vec<usize> = (0..SHEETS[0].0 * SHEETS[0].1).collect();
+    let backwards: Vec<usize> = order.iter().rev().copied().collect();
+    let frames = &recording.channels[0].2;
+    let mut long = String::from("taxel_id,time,value[kPa]\n");
+    for (k, (time, frame)) in recording.times.1.iter().zip(frames).enumerate() {
+        // 369 and 83 have no common divisor: each taxel once, in an order that differs from frame to frame.
+        for taxel in order.iter().map(|j| (j * 83 + k) % order.len()).filter(|taxel| *taxel != ABSENT) {
+            writeln!(long, "{},{time},{}", taxel + 1, frame[taxel]).unwrap();
+        }
+    }
+    let texts = [("table", recording.csv(&order)), ("backwards", recording.csv(&backwards)), ("long", long)];
+    for (form, text) in &texts {
+        fs::create_dir(folder.join(form)).unwrap();
+        fs::write(folder.join(format!("{form}/pressure.csv")), text).unwrap();
+    }
+    let map = read_map(&folder.join("one/map.glb")).unwrap();
+    let channel = Channel::new("pressure", "kPa").unwrap();
+    fs::create_dir(folder.join("arrays")).unwrap();
+    let path = folder.join("arrays/pressure.npz");
+    let mut writer =
+        ReadingsWriter::create(&path, map.patches.iter().map(|patch| &patch.taxels), &channel).unwrap();
+    let mut frame = Frame::new(&map, 1);
+    for (time, readings) in recording.times.1.iter().zip(frames) {
+        frame.time = time.parse().unwrap();
+        frame.values[PatchId::new(0)][0].as_mut_slice().copy_from_slice(readings);
+        writer.write(&frame).unwrap();
+    }
+    writer.finish().unwrap();
+    let outputs = |form: &str, file: &str| -> Vec<(&'static str, Vec<u8>)> {
+        let commands = [
+            ("sums.csv", format!("summary one/map.glb {form}/{file} -o sums.csv")),
+            ("steps.csv", format!("summary one/map.glb {form}/{file} --by step -o steps.csv")),
+            (
+                "values.npz",
+                format!("render one/map.glb {form}/{file} -o values.npz --values-only --events events.jsonl"),
+            ),
+            ("report.html", format!("report one/map.glb {form}/{file} -o report.html")),
+            ("frame.svg", format!("plot one/map.glb --readings {form}/{file} --frame 80 -o frame.svg")),
+            ("states.csv", format!("check one/map.glb --recording {form}/{file} -o states.csv")),
+        ];
+        let made = commands.into_iter().map(|(output, words)| {
+            let _ = fs::remove_file(folder.join(output));
+            // `check` has exit code 1 where it finds faults.
+            dermatome(folder, &words).assert().code(vec![0, 1]);
+            let bytes = fs::read(folder.join(output));
+            (output, bytes.unwrap_or_else(|error| panic!("{words}: {error}")))
+        });
+        made.collect()
+    };
+    let base = outputs("table", "pressure.csv");
+    for (form, file) in [("backwards", "pressure.csv"), ("long", "pressure.csv"), ("arrays", "pressure.npz")]
+    {
+        for ((output, base), (_, found)) in base.iter().zip(outputs(form, file)) {
+            assert!(*base == found, "{output} of {form}/{file} differs");
+        }
+    }
+}
+
+/// What recordings say of a skin does not depend on their order, nor on whether one is cut where it pauses.
+#[test]
+fn recordings_of_one_skin_may_come_in_any_order() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    build(folder, "one", &[0]);
+    let order: Vec<usize> = (0..SHEETS[0].0 * SHEETS[0].1).collect();
+    let recording = Recording::new().channel(0);
+    for (k, frames) in [0..PARTS[0], PARTS[0]..PARTS[1], PARTS[1]..PARTS[2]].into_iter().enumerate() {
+        fs::write(folder.join(format!("part{k}.csv")), recording.part(frames).csv(&order)).unwrap();
+    }
+    let states = |files: &str| {
+        dermatome(folder, &format!("check one/map.glb --recording {files} -o states.csv"))
+            .assert()
+            .code(vec![0, 1]);
+        table(&folder.join("states.csv"))
+    };
+    let base = states("part0.csv part1.csv part2.csv");
+    assert_eq!(base.len(), order.len() - 1, "a row for each taxel that is present");
+    for files in ["part2.csv part0.csv part1.csv", "part1.csv part2.csv part0.csv"] {
+        compare(files, "states", &base, &states(files), &SAME, &[]);
     }
 }
 

@@ -97,12 +97,16 @@ pub struct ContactTracker {
     next: u64,
     /// The threshold by now.
     high: Option<f64>,
-    /// Frames with several taxels far below the rest that was learned.
+    /// Frames with several taxels far below the rest that was learned, or one that stays there; and for how many frames each
+    /// taxel has been there.
     below: usize,
+    below_for: IdVec<PatchId, IdVec<VertexId, u32>>,
 }
 
-/// Taxels far below rest, from which on something touched the skin while it was learned. *Heuristic*: spikes come alone.
+/// Taxels far below rest, from which on something touched the skin while it was learned, or frames in a row of one taxel: on a
+/// coarse skin a touch may load no more. *Heuristic*: spikes come alone, and last a frame or two.
 const BELOW: usize = 3;
+const BELOW_FRAMES: u32 = 10;
 
 impl ContactTracker {
     /// A tracker for frames of this map, which uses this channel.
@@ -134,6 +138,7 @@ impl ContactTracker {
             all: IdVec::filled(0.0, joined.mesh.positions.len()),
             is_moving: false,
             rest: zeros.clone(),
+            below_for: zeros.map(|patch| IdVec::filled(0, patch.len())),
             values: zeros,
             finder: Finder::new(joined.mesh.positions.len()),
             joined,
@@ -164,7 +169,8 @@ impl ContactTracker {
         self.is_moving
     }
 
-    /// Frames in which three taxels or more are as far below the rest that was learned as contacts are above it.
+    /// Frames in which three taxels or more are as far below the rest that was learned as contacts are above it, or one has
+    /// been for ten frames.
     pub fn frames_below(&self) -> usize {
         self.below
     }
@@ -319,8 +325,17 @@ impl ContactTracker {
             join_near(joined, found, finder);
         }
         if options.rest == Rest::Learned && options.threshold.is_none() && fingers.is_none() {
-            let is_below = |values: &IdVec<VertexId, f64>| values.iter().filter(|x| **x < -high).count();
-            self.below += usize::from(values.iter().map(is_below).sum::<usize>() >= BELOW);
+            let (mut now, mut longest) = (0, 0);
+            let all = values
+                .iter()
+                .zip(self.below_for.iter_mut())
+                .flat_map(|(values, frames)| values.iter().zip(frames.iter_mut()));
+            for (x, frames) in all {
+                let is_below = *x < -high;
+                *frames = if is_below { *frames + 1 } else { 0 };
+                (now, longest) = (now + usize::from(is_below), longest.max(*frames));
+            }
+            self.below += usize::from(now >= BELOW || longest >= BELOW_FRAMES);
         }
         if let Some(fingers) = fingers {
             let sigma = high / HIGH;

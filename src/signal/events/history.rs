@@ -26,6 +26,10 @@ const AROUND_SHARE: f64 = 0.05;
 const LOW: f64 = 0.4;
 const HIGH: f64 = 0.8;
 
+/// A contact that moves leaves its first taxels, and may press them again and more: where the root falls below this share of
+/// the largest so far, that has reached this share of the largest of all, what follows is not of the edge.
+const PASSED: f64 = 0.5;
+
 /// Which end of a contact is dated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Edge {
@@ -170,13 +174,21 @@ impl History {
 /// Where the line through the root is zero, from its largest value in a span of time outward.
 fn zero_of_line(count: usize, step: impl Fn(usize) -> [f64; 2], span: [f64; 2]) -> Option<f64> {
     let inside = |[time, _]: [f64; 2]| (span[0]..=span[1]).contains(&time);
-    let frames = 0..count;
-    // From the largest outward; of several the outermost.
-    let largest = frames.clone().filter(|&k| inside(step(k))).fold(None, |best: Option<(usize, f64)>, k| {
-        let [_, root] = step(k);
-        if best.is_none_or(|(_, most)| root >= most) { Some((k, root)) } else { best }
-    });
-    let (top, most) = largest.filter(|(_, most)| *most > 0.0)?;
+    // Inward, up to where the contact has moved on; of several largest ones the outermost.
+    let inward = || (0..count).rev().filter(|&k| inside(step(k))).map(|k| (k, step(k)[1]));
+    let largest = inward().fold(0.0, |most: f64, (_, root)| most.max(root));
+    let (mut top, mut most) = (0, 0.0);
+    for (k, root) in inward() {
+        if root < PASSED * most && most >= PASSED * largest {
+            break;
+        }
+        if root > most {
+            (top, most) = (k, root);
+        }
+    }
+    if most <= 0.0 {
+        return None;
+    }
     let crossing = |share: f64| {
         let level = share * most;
         let k = (top..count).find(|&k| step(k)[1] < level)?;

@@ -5,6 +5,7 @@ use std::collections::{HashMap, HashSet};
 use crate::signal::health::around::Around;
 use crate::signal::health::modules::Module;
 use crate::signal::health::survey::Seen;
+use crate::signal::health::touches::ABSENT_SHARE;
 use crate::signal::health::{Health, HealthFinding, HealthReport};
 use crate::signal::{Response, TaxelResponse, TaxelState};
 use crate::skin::PatchId;
@@ -27,9 +28,9 @@ const HOME_SHARE: f64 = 0.2;
 const LIKE: f64 = 0.15;
 const LIKE_TIMES: f64 = 3.0;
 
-/// Silent: touches all around that it does not feel, at least, and of all of them.
-const ABSENT: u32 = 3;
-const ABSENT_SHARE: f64 = 0.9;
+/// Silent: touches all around it, at least; the share of them that it has no strong reaction elsewhere for.
+const SURROUNDED: u32 = 3;
+const NOT_ELSEWHERE: f64 = 0.9;
 
 /// Jumping: contacts that begin with a jump, at least, and of all; the likeness at another place that explains them.
 const JUMPS: u32 = 3;
@@ -130,10 +131,14 @@ impl Health {
         let is_silent = |k: usize| {
             let touches = &sight.touches[k];
             survey.is_ok[k]
-                && touches.absent >= ABSENT
-                && share(touches.absent, touches.surrounded, ABSENT_SHARE)
+                && touches.surrounded >= SURROUNDED
+                && touches.share(survey.sigma[k]) < ABSENT_SHARE
                 // What reacts elsewhere is not silent.
-                && share(touches.surrounded.saturating_sub(touches.own), touches.surrounded, ABSENT_SHARE)
+                && share(
+                    touches.surrounded.saturating_sub(touches.own - touches.weak),
+                    touches.surrounded,
+                    NOT_ELSEWHERE,
+                )
                 && !is_swapped[k]
         };
         let turn = |module: &Module| module.turn(around, &sight.likeness, &is_judged);
@@ -245,7 +250,8 @@ impl Health {
             faults.push((TaxelState::Jumping, None, evidence));
         }
         if judged.is_silent[k] {
-            let evidence = vec![("silent", number(touches.absent)), ("touches", number(touches.surrounded))];
+            let share = touches.share(survey.sigma[k]);
+            let evidence = vec![("share", share), ("touches", number(touches.surrounded))];
             faults.push((TaxelState::Silent, None, evidence));
         }
         if let (true, Some((place, like))) = (judged.is_swapped[k], judged.best[k]) {

@@ -30,7 +30,7 @@ const LONE_SHARE: f64 = 0.3;
 /// Touched neighbours that surround a taxel; it does not react if its mean is below this share of theirs, or below this
 /// many standard deviations of its noise: so far off are zeros.
 const SURROUNDED: usize = 3;
-const ABSENT_SHARE: f64 = 0.08;
+pub(super) const ABSENT_SHARE: f64 = 0.08;
 const ABSENT_NOISE: f64 = 1.0;
 
 /// What the touches of a taxel show.
@@ -39,6 +39,8 @@ pub(super) struct Touches {
     /// Touches, and those with a strong peak.
     pub(super) all: u32,
     pub(super) own: u32,
+    /// Strong ones of which the ring feels so much more that this taxel does not react.
+    pub(super) weak: u32,
     /// Strong ones in which the ring is quiet, and in which it feels them.
     pub(super) away: u32,
     pub(super) home: u32,
@@ -50,6 +52,10 @@ pub(super) struct Touches {
     /// Touches of all around it, and those in which it does not react.
     pub(super) surrounded: u32,
     pub(super) absent: u32,
+    /// Over the frames of the latter: how many there are, and the sums of its readings and of the mean of those around it.
+    frames: f64,
+    readings: f64,
+    around: f64,
     is_hot: bool,
     touch: Option<Touch>,
     over: Option<Surrounded>,
@@ -157,6 +163,7 @@ impl Touches {
             return;
         }
         self.own += 1;
+        self.weak += u32::from(touch.peak < ABSENT_SHARE * touch.near);
         self.away += u32::from(touch.wide < (QUIET * survey.sigma[taxel]).max(QUIET_SHARE * touch.peak));
         self.home += u32::from(touch.near > survey.threshold.max(HOME_SHARE * touch.peak));
     }
@@ -166,6 +173,16 @@ impl Touches {
         self.surrounded += 1;
         let most = (ABSENT_SHARE * over.others / over.count).max(ABSENT_NOISE * survey.sigma[taxel]);
         self.absent += u32::from(over.own / over.frames < most);
+        self.frames += over.frames;
+        self.readings += over.own;
+        self.around += over.frames * over.others / over.count;
+    }
+
+    /// What it reads where touches surround it, over what those around it read: over all of them, since a touch of few frames
+    /// may show noise alone. 0 where that is less than how far off zeros are.
+    pub(super) fn share(&self, sigma: f64) -> f64 {
+        let is_of_zero = self.readings < ABSENT_NOISE * sigma * self.frames;
+        if is_of_zero { 0.0 } else { self.readings / self.around }
     }
 
     pub(super) fn end_recording(&mut self, taxel: usize, survey: &Survey) {
