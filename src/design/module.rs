@@ -251,7 +251,10 @@ mod tests {
         };
         assert!(fault(&|m| m.outline.reverse()).contains("clockwise"));
         assert!(fault(&|m| m.outline.swap(1, 2)).contains("1 and 3 cross"));
-        assert!(fault(&|m| m.outline.iter_mut().for_each(|p| p.y = 0.0)).contains("on a line"));
+        assert!(
+            fault(&|m| m.outline.iter_mut().for_each(|p| *p = DVec2::new(p.x + p.y, 0.0)))
+                .contains("on a line")
+        );
         assert!(fault(&|m| m.outline.iter_mut().for_each(|p| *p *= 1e-9)).contains("at least 1e-6 m"));
         assert!(fault(&|m| m.outline.insert(1, DVec2::ZERO)).contains("inward corner"));
         assert!(fault(&|m| m.taxels[3] = DVec2::new(0.02, 0.0)).contains("taxel 4"));

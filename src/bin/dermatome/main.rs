@@ -223,7 +223,7 @@ mod tests {
     }
 
     /// Values of options that have no list of words and no default, by the name of their value.
-    const SOUND: [(&str, &str); 40] = [
+    const SOUND: [(&str, &str); 41] = [
         ("A4|A3|W,H", "A3"),
         ("AZIMUTH,ELEVATION", "-65,-45"),
         ("D", "5"),
@@ -236,6 +236,7 @@ mod tests {
         ("ID,...|F.csv", "3,17"),
         ("K", "2"),
         ("KIND=N", "dead=3"),
+        ("K|body.LK", "body.L1"),
         ("KPA", "5"),
         ("KPA,...", "5,20"),
         ("L.json|tnc|tcn", "tcn"),
