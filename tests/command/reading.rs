@@ -307,7 +307,7 @@ fn the_outside_that_was_guessed_is_turned_over() {
 fn absurd_sizes_are_found_and_printed_short() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("big.obj");
-    for (size, is_read) in [("1e13", true), ("1e100", false), ("1e300", false)] {
+    for (size, is_read) in [("1e11", true), ("1e13", false), ("1e100", false), ("1e300", false)] {
         fs::write(
             &path,
             format!("v 0 0 0\nv {size} 0 0\nv 0 {size} 0\nv {size} {size} 0\nf 1 2 3\nf 2 4 3\n"),

@@ -66,8 +66,7 @@ pub(crate) struct Args {
     /// --readings in the unit of the channel, of a force per m^2 [default: those of what is drawn]
     #[arg(long, value_name = "LOW,HIGH", value_parser = range, allow_hyphen_values = true)]
     range: Option<[f64; 2]>,
-    /// Draw the pattern of level 0 at 1:1, to print or cut: rims, seams with ticks on both banks, taxels with ids,
-    /// strain as colour, and a bar of 50 mm
+    /// Draw the pattern of level 0 at 1:1, to print or cut: rims, seams with ticks, taxels with ids, and strain
     #[arg(long, conflicts_with_all = ["levels", "show", "space", "view", "unfold", "range", "width", "sources", "readings"])]
     pattern: bool,
     /// Write the pattern OUT.svg on sheets of paper with crosses to join them, as OUT-1.svg, OUT-2.svg, ...:

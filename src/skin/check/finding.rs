@@ -104,7 +104,7 @@ finding_kinds! { n;
     Error ArrayLength { what: &'static str, found: usize, needed: usize } =>
         "the array of {what} has {} for {}; nothing else was checked",
         count(*found, "entry", "entries"), count(*needed, "vertex", "vertices");
-    Error NotFinite => "{} a coordinate that is NaN or infinite", count(n, "vertex has", "vertices have");
+    Error NotFinite => "{} a coordinate that is not a number within 1e12 m", count(n, "vertex has", "vertices have");
     /// A face names a vertex that does not exist.
     Error CornerOutOfRange { vertices: usize } =>
         "{} that do not exist; there are {vertices}", count(n, "face names vertices", "faces name vertices");
