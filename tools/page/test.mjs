@@ -248,7 +248,8 @@ await test('a region that is drawn names the taxels that the page counts', async
   for (const [x, y] of [[0.6, 0.35], [0.6, 0.6], [0.3, 0.6], [0.3, 0.35]]) await click(x, y);
   assert.equal(await page.locator('#regions li').count(), 1);
   // Every letter is one of the name, also those that are keys of the page.
-  await page.click('#regions input', { clickCount: 3 });
+  await page.focus('#regions input');
+  await page.locator('#regions input').selectText();
   await page.keyboard.type('upper + f=?r-e E');
   assert.equal(await page.inputValue('#regions input'), 'upper + f=?r-e E');
   assert.equal(await page.evaluate(() => window.dermatome.view.unfold), 0);

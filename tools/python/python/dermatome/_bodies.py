@@ -151,7 +151,7 @@ class BodyCalibration:
     noise, noise_over_stated : float
         Standard deviation of a touch per axis, in m, as it is estimated, and over what the observations state.
     side : float
-        How readings fall along the normals of the fit as the sphere moves outwards, in standard deviations: far below 0 for
+        How readings fall along the normals of the fit as the sphere moves outwards, in standard deviations, without a unit: far below 0 for
         a mirrored drawing, 0 if the touches do not tell.
     faults : tuple of str
         Why the fit cannot be believed; empty if it can, or if there are too few contacts to judge it.
