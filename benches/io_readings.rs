@@ -17,7 +17,7 @@ fn write(path: &Path, skin: &Skin, frames: u32) {
     let mut writer = ReadingsWriter::create(
         path,
         skin.patches.iter().map(|p| &p.taxels),
-        &Channel::new("force", "N").unwrap(),
+        &[Channel::new("force", "N").unwrap()],
     )
     .expect("a file");
     for t in 0..frames {

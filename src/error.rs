@@ -27,6 +27,8 @@ pub enum Error {
     #[error(transparent)]
     Map(#[from] crate::map::MapError),
     #[error(transparent)]
+    Registration(#[from] crate::registration::RegistrationError),
+    #[error(transparent)]
     Signal(#[from] crate::signal::SignalError),
     #[error(transparent)]
     Order(#[from] crate::signal::OrderError),
@@ -118,6 +120,7 @@ kinds!(
     Pyramid(crate::pyramid::PyramidError),
     Flatten(crate::flatten::FlattenError),
     Map(crate::map::MapError),
+    Registration(crate::registration::RegistrationError),
     Signal(crate::signal::SignalError),
     Order(crate::signal::OrderError),
     Response(crate::response::ResponseError),

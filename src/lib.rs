@@ -47,6 +47,7 @@ pub mod pyramid;
 pub mod flatten;
 pub mod body;
 pub mod map;
+pub mod registration;
 pub mod atlas;
 pub mod unfold;
 pub mod signal;

@@ -10,10 +10,10 @@ use crate::atlas::AtlasError;
 use crate::atlas::bound::check_size;
 use crate::atlas::layout::{ChartPosition, image_name};
 use crate::atlas::rasterize::{PIXEL, Snapped, Span, Spans, rasterize};
-use crate::atlas::turn::{TURNS, stand_in, turned};
+use crate::atlas::turn::{TURNS, in_image, stand_in, turned};
 use crate::cut::PlaceId;
 use crate::id::{FaceId, IdVec};
-use crate::map::{ImageFrame, MapLevel, SkinMap};
+use crate::map::{ImageFrame, MapLevel, SkinMap, mirrored};
 use crate::mesh::SurfacePoint;
 use crate::pyramid::LevelId;
 use crate::skin::PatchId;
@@ -31,6 +31,8 @@ pub struct Chart {
     pub level: LevelId,
     /// By how many eighths of a turn, counter-clockwise, the map is turned in the image.
     pub turns: u8,
+    /// Whether the map is mirrored, `u` for `-u`, before it is turned.
+    pub is_mirrored: bool,
     /// The rectangle of the turned map that it shows; its size in pixels is that of the chart.
     pub frame: ImageFrame,
     /// Column and row of its upper left pixel in the image.
@@ -55,7 +57,29 @@ impl Chart {
             let height = frame.size_px[1];
             spans = Spans::of_pixel(face, [column, height - 1 - row], height);
         }
-        Ok(Self { patch, level, turns, frame, corner_px, spans: Arc::new(spans) })
+        Ok(Self { patch, level, turns, is_mirrored: false, frame, corner_px, spans: Arc::new(spans) })
+    }
+
+    /// Rasterises a level on the canvas of another map, where it may reach beyond the frame. A pixel of the image that is
+    /// `taken` shows another chart; those that this one shows are taken then.
+    pub(super) fn onto(
+        image: &str,
+        at: &MapLevel,
+        place: &ChartPosition,
+        is_mirrored: bool,
+        taken: &mut [bool],
+        width: usize,
+    ) -> Result<Self, AtlasError> {
+        let ChartPosition { patch, level, turns, frame, corner_px } = *place;
+        check_size(&frame, image)?;
+        let (points, corners) = snap_near(at, is_mirrored, turns, &frame);
+        let spans = rasterize(&points, &corners, frame.size_px.map(|n| n as usize));
+        let [left, top] = corner_px.map(|n| n as usize);
+        let spans = spans.where_free(|row, column| {
+            let pixel = &mut taken[(top + row) * width + left + column];
+            !std::mem::replace(pixel, true)
+        });
+        Ok(Self { patch, level, turns, is_mirrored, frame, corner_px, spans: Arc::new(spans) })
     }
 
     /// Rasterises one level of a patch alone, with a margin of one pixel; pixels have the side `pixel` (m).
@@ -90,7 +114,8 @@ impl Chart {
     /// The map position, in m, of a point of the image: column and row, whole at the centres of pixels.
     pub fn map_position(&self, at: DVec2) -> DVec2 {
         let [left, top] = self.corner_px.map(f64::from);
-        turned(self.centre_at(at.x - left, at.y - top), (TURNS - self.turns) % TURNS)
+        let upright = turned(self.centre_at(at.x - left, at.y - top), (TURNS - self.turns) % TURNS);
+        if self.is_mirrored { mirrored(upright) } else { upright }
     }
 
     /// The point of the image, column and row, of a map position (m): the inverse of [`Self::map_position`].
@@ -130,7 +155,7 @@ impl Chart {
     /// The position of a point of the map in pixels of the chart: right, and down from the upper edge.
     pub(crate) fn pixel_position(&self, uv: DVec2) -> DVec2 {
         let [width, height] = self.frame.size_px.map(f64::from);
-        let unit = (turned(uv, self.turns) - self.frame.origin) / self.frame.size;
+        let unit = (in_image(uv, self.is_mirrored, self.turns) - self.frame.origin) / self.frame.size;
         DVec2::new(unit.x * width, (1.0 - unit.y) * height)
     }
 
@@ -171,7 +196,7 @@ struct Barycentric {
 
 impl Barycentric {
     fn new(chart: &Chart, level: &MapLevel, face: FaceId) -> Self {
-        Self { corners: level.uv_of(face).map(|at| turned(at, chart.turns)) }
+        Self { corners: level.uv_of(face).map(|at| in_image(at, chart.is_mirrored, chart.turns)) }
     }
 
     /// Non-negative weights with sum 1. Snapping may have moved a centre out of its face by `2^-17` pixels,
@@ -208,4 +233,32 @@ fn snap(
         points.push([x, i64::from(frame.size_px[1]) * PIXEL - y]);
     }
     Ok(points)
+}
+
+/// How far beyond its image a corner of a face may lie, in pixels: the arithmetic of the rasteriser is exact there.
+const BEYOND: f64 = 4096.0;
+
+/// Map positions as [`snap`], wherever they lie, and the corners of the faces; a face far beyond the image has no area.
+fn snap_near(
+    at: &MapLevel,
+    is_mirrored: bool,
+    turns: u8,
+    frame: &ImageFrame,
+) -> (IdVec<PlaceId, Snapped>, IdVec<FaceId, [PlaceId; 3]>) {
+    let count = DVec2::from_array(frame.size_px.map(f64::from));
+    let in_pixels = |at: &DVec2| (in_image(*at, is_mirrored, turns) - frame.origin) / frame.size * count;
+    let is_near =
+        |px: DVec2| px.cmpge(DVec2::splat(-BEYOND)).all() && px.cmple(count + DVec2::splat(BEYOND)).all();
+    let points = at.uv.map(|at| {
+        let px = in_pixels(at);
+        let snapped = if is_near(px) { (px * PIXEL as f64).round() } else { DVec2::ZERO };
+        #[expect(clippy::cast_possible_truncation, reason = "near the image, so below 2^31")]
+        let (x, y) = (snapped.x as i64, snapped.y as i64);
+        [x, i64::from(frame.size_px[1]) * PIXEL - y]
+    });
+    let corners = at.level.mesh.triangles.ids().map(|face| {
+        let corners = at.places(face);
+        if corners.iter().all(|&place| is_near(in_pixels(&at.uv[place]))) { corners } else { [corners[0]; 3] }
+    });
+    (points, corners.collect())
 }

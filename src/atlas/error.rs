@@ -47,6 +47,11 @@ pub enum AtlasError {
         place: PlaceId,
         at: DVec2,
     },
+    #[error(
+        "the map lies on patches called {}, the canvas on {}; a map that is drawn on the canvas needs one of these",
+        found.join(", "), needed.join(", ")
+    )]
+    OtherPlane { found: Vec<String>, needed: Vec<String> },
     #[error("a pixel of {found} m cannot be drawn; its side must be a positive number of metres")]
     PixelSize { found: f64 },
     #[error(

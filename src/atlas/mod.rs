@@ -107,6 +107,50 @@ impl Atlas {
         })
     }
 
+    /// Rasterises every level of a map on the canvas of another one that lies on the same plane
+    /// ([`share_plane`](crate::io::share_plane)): images have the names, the sizes and the pixels of the other one. Where
+    /// a patch has no such level, its coarsest is drawn. Pixels that only one of both covers are not covered; what lies
+    /// beyond the canvas is not drawn.
+    ///
+    /// # Errors
+    /// As [`Self::new`] for the other map, and if no patch lies on a patch of it.
+    pub fn onto(map: &SkinMap, canvas: &SkinMap, options: &AtlasOptions) -> Result<Self, AtlasError> {
+        map.validate()?;
+        let whole = Self::new(canvas, options)?;
+        let is_mirrored = map.is_mirrored() != canvas.is_mirrored();
+        let mut is_any = false;
+        let mut parts = Vec::with_capacity(whole.parts.len());
+        for AtlasPart { name, level, frame, charts } in whole.parts {
+            let [width, height] = frame.size_px.map(|n| n as usize);
+            let mut taken = vec![false; width * height];
+            let mut drawn = Vec::new();
+            for chart in charts {
+                let plane = canvas.patches[chart.patch].plane();
+                for (id, patch) in map.patches.enumerate().filter(|(_, patch)| patch.plane() == plane) {
+                    let Chart { turns, frame, corner_px, .. } = chart;
+                    let at = patch.nearest_level(level);
+                    let place = ChartPosition { patch: id, level: at, turns, frame, corner_px };
+                    drawn.push(Chart::onto(
+                        &name,
+                        &patch.levels[at],
+                        &place,
+                        is_mirrored,
+                        &mut taken,
+                        width,
+                    )?);
+                }
+            }
+            is_any |= !drawn.is_empty();
+            parts.push(AtlasPart { name, level, frame, charts: drawn });
+        }
+        if is_any {
+            Ok(Self { parts })
+        } else {
+            let planes = |map: &SkinMap| map.patches.iter().map(|patch| patch.plane().to_owned()).collect();
+            Err(AtlasError::OtherPlane { found: planes(map), needed: planes(canvas) })
+        }
+    }
+
     /// The images of one level, or of all.
     pub(crate) fn parts_of(&self, level: Option<LevelId>) -> impl Iterator<Item = &AtlasPart> + Clone {
         self.parts.iter().filter(move |part| level.is_none_or(|level| part.level == level))

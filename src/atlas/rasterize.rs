@@ -59,6 +59,29 @@ impl Spans {
         Self { rows, overlaps: 0 }
     }
 
+    /// The pixels for which `is_free(row, column)`, called in their order.
+    pub(super) fn where_free(&self, mut is_free: impl FnMut(usize, usize) -> bool) -> Self {
+        let mut rows = Csr::with_capacity(self.rows.len(), self.rows.items().len());
+        for (row, spans) in self.rows.iter().enumerate() {
+            let mut kept: Vec<Span> = Vec::with_capacity(spans.len());
+            for span in spans {
+                for column in span.column..span.column + span.length {
+                    if !is_free(row, usize::from(column)) {
+                        continue;
+                    }
+                    match kept.last_mut() {
+                        Some(last) if last.face == span.face && last.column + last.length == column => {
+                            last.length += 1;
+                        }
+                        _ => kept.push(Span { face: span.face, column, length: 1 }),
+                    }
+                }
+            }
+            rows.push(kept);
+        }
+        Self { rows, overlaps: self.overlaps }
+    }
+
     /// The spans of a row; none if it lies outside of the image.
     pub(super) fn row(&self, row: u32) -> &[Span] {
         let row = row as usize;

@@ -6,7 +6,7 @@ use glam::{DMat2, DVec2, DVec3};
 
 use crate::cut::PlaceId;
 use crate::id::{FaceId, IdVec, VertexId};
-use crate::map::{ImageFrame, MapLevel, PatchMap, SkinMap};
+use crate::map::{ImageFrame, MapLevel, PatchMap, SkinMap, mirrored};
 use crate::pyramid::LevelId;
 use crate::skin::{PatchId, world_pose};
 
@@ -22,6 +22,11 @@ pub(super) fn turned(p: DVec2, turns: u8) -> DVec2 {
         _ => DVec2::new(p.y, -p.x),
     };
     if turns.is_multiple_of(2) { quarters } else { FRAC_1_SQRT_2 * (quarters + quarters.perp()) }
+}
+
+/// `p` on a map that is mirrored, if it is, and then turned.
+pub(super) fn in_image(p: DVec2, is_mirrored: bool, turns: u8) -> DVec2 {
+    turned(if is_mirrored { mirrored(p) } else { p }, turns)
 }
 
 /// The largest face of a level on the map, and the pixel of a frame that its middle lies in, which shows it where no face

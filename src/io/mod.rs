@@ -66,7 +66,10 @@ mod streams;
 mod table;
 
 pub(crate) use self::gltf::as_in_map_file;
-pub use self::gltf::{map_from_bytes, map_to_bytes, read_map, rounding_in_gltf, write_map, write_pyramids};
+pub use self::gltf::{
+    map_from_bytes, map_hash, map_to_bytes, read_map, rounding_in_gltf, share_plane, write_map,
+    write_pyramids,
+};
 pub use arrays::recording::{RecordingLayout, RecordingWriter};
 #[cfg(feature = "robots")]
 pub use draft::is_robot;
@@ -111,6 +114,7 @@ pub use table::design::{
 pub use table::diff::write_diff;
 #[cfg(feature = "robots")]
 pub use table::joints::{JointTable, read_joint_values};
+pub use table::landmarks::read_landmarks;
 pub use table::lookups::{LookupPlace, LookupRow, LookupWriter};
 pub use table::motion::{MotionFile, read_link_names, read_motion};
 pub use table::order::{read_order, write_order};

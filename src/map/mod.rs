@@ -166,6 +166,8 @@ pub struct PatchMap {
     pub taxels: Taxels,
     /// The levels, finest first; at least one.
     pub levels: IdVec<LevelId, MapLevel>,
+    /// The patch of the [atlas](SkinMap::atlas) that it lies on, if there is one.
+    pub atlas: Option<String>,
 }
 
 impl PatchMap {
@@ -190,6 +192,11 @@ impl PatchMap {
         map
     }
 
+    /// Name of the patch on whose map it is drawn: of the [atlas](SkinMap::atlas), or its own.
+    pub fn plane(&self) -> &str {
+        self.atlas.as_deref().unwrap_or(&self.name)
+    }
+
     /// That level, or the coarsest one of this patch if there is no such level.
     pub fn nearest_level(&self, level: LevelId) -> LevelId {
         level.min(LevelId::new(self.levels.len().saturating_sub(1)))
@@ -205,17 +212,22 @@ impl PatchMap {
         let levels = levels.into_iter().zip(maps);
         let levels = levels.map(|((level, cut), uv)| MapLevel::new(level, cut, uv.reindexed(), pixel));
         let levels: IdVec<LevelId, MapLevel> = levels.collect();
-        let mut taxels = patch.taxels.clone();
-        if let Some(finest) = levels.iter().next()
-            && taxels.tangents.is_none()
-        {
-            let directions = directions_of_u(finest);
-            taxels.tangents = Some(tangents_along(&finest.level.mesh, &taxels.normals, &directions).0);
+        let (name, taxels, count) = (patch.name.clone(), patch.taxels.clone(), levels.len());
+        let mut map = Self { name, link: patch.link, filled: patch.filled, taxels, levels, atlas: None };
+        if map.taxels.tangents.is_none() {
+            map.set_tangents();
         }
-        let (name, count) = (patch.name.clone(), levels.len());
-        let mut map = Self { name, link: patch.link, filled: patch.filled, taxels, levels };
         map.keep_finest(count);
         map
+    }
+
+    /// Gives the taxels the tangents of the map: see [`Self::new`].
+    pub(crate) fn set_tangents(&mut self) {
+        if let Some(finest) = self.levels.iter().next() {
+            let directions = directions_of_u(finest);
+            self.taxels.tangents =
+                Some(tangents_along(&finest.level.mesh, &self.taxels.normals, &directions).0);
+        }
     }
 
     /// Leaves out all but the finest levels.
@@ -297,6 +309,11 @@ impl PatchMap {
     }
 }
 
+/// The mirror image of a place of a map: where it is for a skin of the other hand.
+pub(crate) fn mirrored(at: DVec2) -> DVec2 {
+    DVec2::new(-at.x, at.y)
+}
+
 /// At each vertex the sum over its faces of area times gradient of `u`, twice, in m^2: zero where
 /// the gradients cancel or the faces have no area.
 fn directions_of_u(finest: &MapLevel) -> IdVec<VertexId, DVec3> {
@@ -336,6 +353,19 @@ pub struct SkinMap {
     pub animations: Vec<Motion>,
     /// What joins the patches, with the links at rest; nothing in a map of one patch.
     pub body: Body,
+    /// The map of another skin that this one is drawn on, if there is one.
+    pub atlas: Option<OnAtlas>,
+}
+
+/// On which map of another skin a map is drawn: its positions are those of the other one.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct OnAtlas {
+    /// Name of the other map, for people.
+    pub name: String,
+    /// [Hash](crate::io::map_hash) of the other map.
+    pub hash: u64,
+    /// Whether it lies on the mirror image of the other map, `u` for `-u`: the skin is that of the other hand.
+    pub is_mirrored: bool,
 }
 
 impl SkinMap {
@@ -390,7 +420,13 @@ impl SkinMap {
             patches: skin.patches.map(patch),
             animations: skin.animations.clone(),
             body: Body::default(),
+            atlas: None,
         }
+    }
+
+    /// Whether it is drawn on the mirror image of its [atlas](Self::atlas).
+    pub fn is_mirrored(&self) -> bool {
+        self.atlas.as_ref().is_some_and(|on| on.is_mirrored)
     }
 
     /// Checks every rule of a map, in time linear in its size.

@@ -27,6 +27,7 @@ mod attempts;
 mod coarsened;
 mod cut_open;
 mod options;
+mod register;
 mod written;
 
 use std::fs;

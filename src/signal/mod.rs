@@ -5,6 +5,7 @@
 //! a receptive field whose taxels all are. Zero is a reading.
 
 mod body_fields;
+mod carry;
 mod channel;
 mod clock;
 mod condition;
@@ -28,6 +29,7 @@ mod unit;
 mod zero;
 
 pub use body_fields::BodyFields;
+pub use carry::Carry;
 pub use channel::Channel;
 pub(crate) use channel::main_channel;
 pub(crate) use clock::{Clock, Tick};

@@ -376,8 +376,12 @@ fn every_command_gives_the_same_bytes_for_every_form_of_a_recording() {
     let channel = Channel::new("pressure", "kPa").unwrap();
     fs::create_dir(folder.join("arrays")).unwrap();
     let path = folder.join("arrays/pressure.npz");
-    let mut writer =
-        ReadingsWriter::create(&path, map.patches.iter().map(|patch| &patch.taxels), &channel).unwrap();
+    let mut writer = ReadingsWriter::create(
+        &path,
+        map.patches.iter().map(|patch| &patch.taxels),
+        std::slice::from_ref(&channel),
+    )
+    .unwrap();
     let mut frame = Frame::new(&map, 1);
     for (time, readings) in recording.times.1.iter().zip(frames) {
         frame.time = time.parse().unwrap();

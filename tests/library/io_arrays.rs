@@ -279,9 +279,12 @@ fn readings_are_written_as_a_table_and_as_arrays() {
     for path in [&table, &archive] {
         touches.clear();
         let mut simulation = TouchSimulation::new(&skin, &options).unwrap();
-        let mut writer =
-            ReadingsWriter::create(path, skin.patches.iter().map(|p| &p.taxels), simulation.channel())
-                .unwrap();
+        let mut writer = ReadingsWriter::create(
+            path,
+            skin.patches.iter().map(|p| &p.taxels),
+            std::slice::from_ref(simulation.channel()),
+        )
+        .unwrap();
         while let Some((frame, now)) = simulation.next_frame() {
             writer.write(frame).unwrap();
             touches.extend_from_slice(now);

@@ -43,6 +43,7 @@ mod pyramid;
 mod readings;
 mod recording;
 mod regions;
+mod registration;
 mod remesh;
 mod response;
 mod run;

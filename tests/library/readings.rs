@@ -340,8 +340,12 @@ fn written_readings_are_read_back() {
     let folder = TempDir::new().unwrap();
     for name in ["a.csv", "a.npz"] {
         let path = folder.path().join(name);
-        let mut writer =
-            ReadingsWriter::create(&path, skin.patches.iter().map(|p| &p.taxels), &channel).unwrap();
+        let mut writer = ReadingsWriter::create(
+            &path,
+            skin.patches.iter().map(|p| &p.taxels),
+            std::slice::from_ref(&channel),
+        )
+        .unwrap();
         frames.iter().for_each(|frame| writer.write(frame).unwrap());
         writer.finish().unwrap();
         let found = drain(ReadingsReader::open(&path, ReadingsLayout::default()).unwrap()).unwrap();
@@ -371,7 +375,8 @@ fn readings_of_taxels_with_the_same_id_are_read_back_in_their_order() {
     for name in ["a.csv", "a.npz"] {
         let path = folder.path().join(name);
         let taxels = skin.patches.iter().map(|p| &p.taxels);
-        let mut writer = ReadingsWriter::create(&path, taxels, &Channel::new("force", "N").unwrap()).unwrap();
+        let mut writer =
+            ReadingsWriter::create(&path, taxels, &[Channel::new("force", "N").unwrap()]).unwrap();
         writer.write(&frame).unwrap();
         writer.finish().unwrap();
         let found = drain(ReadingsReader::open(&path, ReadingsLayout::default()).unwrap()).unwrap();

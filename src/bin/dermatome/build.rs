@@ -29,7 +29,7 @@ use crate::console::progress;
 use crate::files::input::{names, read_good_patches, skin_files};
 use crate::files::outputs::{self, cannot_write, write_bytes};
 use crate::options::{
-    AcuityArgs, Choice, CoarsenArgs, Common, FlattenArgs, InPath, OutFolder, PatchArgs, ReadArgs,
+    AcuityArgs, AtlasArgs, Choice, CoarsenArgs, Common, FlattenArgs, InPath, OutFolder, PatchArgs, ReadArgs,
     RegionsArgs, length_or_0, one_of, side_mm,
 };
 
@@ -53,6 +53,8 @@ pub(crate) struct Args {
     flatten: FlattenArgs,
     #[command(flatten)]
     regions: RegionsArgs,
+    #[command(flatten)]
+    atlas: AtlasArgs,
     /// Densities of --magnify and --acuity are relative to the mean of: [default: skin]
     #[arg(long, value_parser = one_of(&MAGNIFY_OVER), help_heading = "Map")]
     magnify_over: Option<MagnifyOver>,
@@ -120,6 +122,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let (mut skin, left_out) = read_good_patches(&inputs, &args.read, &args.chosen, &assemble, common)?;
     note_placeholders(&skin, common);
     check_output(folder, &files)?;
+    let atlas = args.atlas.read()?;
     args.acuity.apply(&mut skin, common)?;
     options.flatten = args.flatten.options_for(&skin, common)?;
     let read = start.elapsed().as_secs_f64();
@@ -130,6 +133,9 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         .with_context(|| format!("cannot map {}", names(&inputs).display()))?;
     if !args.regions.is_empty() {
         args.regions.apply(Arc::make_mut(&mut built.map), common)?;
+    }
+    if let Some(atlas) = &atlas {
+        args.atlas.apply(atlas, &mut built, &skin, &options, common)?;
     }
     let title = title(&args.skin, folder);
     let [rasterise, write] = write_files(&built.map, &title, folder, &common.outputs, &bar)?;

@@ -25,7 +25,7 @@ pub(crate) fn with_short_help(command: Command) -> Command {
 }
 
 /// The words and the examples of each subcommand.
-const ENDS: [(&str, &str, &[&str]); 23] = [
+const ENDS: [(&str, &str, &[&str]); 24] = [
     (
         "bench",
         OF_COSTS,
@@ -46,6 +46,16 @@ const ENDS: [(&str, &str, &[&str]); 23] = [
         &[
             "dermatome simulate -o seen.g2o --truth truth.csv --triangles triangles.csv",
             "dermatome calibrate seen.g2o -o skin.glb --triangles triangles.csv --truth truth.csv",
+        ],
+    ),
+    (
+        "carry",
+        "",
+        &[
+            "dermatome build meshes/hand.glb -o hand",
+            "dermatome build meshes/robot_hand.glb -o robot_hand --atlas hand/map.glb --landmarks meshes/robot_hand_landmarks.csv",
+            "dermatome touch meshes/robot_hand.glb -o touch.csv --presses 1 --rate-hz 20",
+            "dermatome carry robot_hand/map.glb touch.csv --to hand/map.glb -o carried.csv",
         ],
     ),
     ("check", "", &["dermatome check meshes/robot.glb"]),

@@ -4,6 +4,7 @@
 mod bench;
 mod build;
 mod calibrate;
+mod carry;
 mod check;
 mod coarsen;
 mod console;
@@ -64,6 +65,8 @@ enum Command {
     Build(build::Args),
     /// Calibrate taxel poses from observations: writes a skin with covariances.
     Calibrate(calibrate::Args),
+    /// Carry readings from one skin to another on the same atlas.
+    Carry(carry::Args),
     /// List the problems of a skin: exit code 1 if `build` would refuse it.
     Check(check::Args),
     /// Build the pyramid of receptive fields, without maps.
@@ -171,6 +174,7 @@ fn run_command(cli: &Cli) -> anyhow::Result<ExitCode> {
         Command::Bench(args) => bench::run(args),
         Command::Build(args) => build::run(args, common),
         Command::Calibrate(args) => calibrate::run(args, common),
+        Command::Carry(args) => carry::run(args, common),
         Command::Check(args) => check::run(args, common),
         Command::Coarsen(args) => coarsen::run(args, common),
         Command::Convert(args) => convert::run(args, common),
@@ -223,7 +227,7 @@ mod tests {
     }
 
     /// Values of options that have no list of words and no default, by the name of their value.
-    const SOUND: [(&str, &str); 41] = [
+    const SOUND: [(&str, &str); 42] = [
         ("A4|A3|W,H", "A3"),
         ("AZIMUTH,ELEVATION", "-65,-45"),
         ("D", "5"),
@@ -240,6 +244,7 @@ mod tests {
         ("KPA", "5"),
         ("KPA,...", "5,20"),
         ("L.json|tnc|tcn", "tcn"),
+        ("L.csv|regions", "regions"),
         ("LENGTH|0", "20mm"),
         ("LENGTH|NAME=LENGTH,...", "hand=2mm,5mm"),
         ("LOW,HIGH", "0,1"),

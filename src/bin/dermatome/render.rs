@@ -5,12 +5,12 @@ mod contacts;
 mod events;
 mod output;
 
-use std::{process::ExitCode, sync::Arc};
+use std::{path::Path, process::ExitCode, sync::Arc};
 
 use clap::builder::Resettable;
 use dermatome::Error;
 use dermatome::atlas::{Atlas, AtlasOptions, AtlasPart, Pack, Resolution};
-use dermatome::io::Statement;
+use dermatome::io::{Statement, share_plane};
 use dermatome::map::SkinMap;
 use dermatome::pyramid::LevelId;
 use dermatome::recording::{Carried, RecordingReport};
@@ -105,7 +105,12 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     args.regions.apply(&mut map, common)?;
     let map = Arc::new(map);
     let pack = if kind == ImagesKind::Folder(Pictures::Png) { Pack::Body } else { Pack::Tight };
-    let atlas = Atlas::new(&map, &args.pixels.atlas_options(pack)).map_err(Error::from)?;
+    let options = args.pixels.atlas_options(pack);
+    let atlas = match &args.pixels.atlas {
+        Some(path) => Atlas::onto(&map, &read_canvas(&map, &args.map, path)?, &options),
+        None => Atlas::new(&map, &options),
+    };
+    let atlas = atlas.map_err(Error::from)?;
     let level = args.images.level.map(LevelId::from);
     let drawn = |part: &&AtlasPart| level.is_none_or(|level| part.level == level);
     let parts: Vec<&AtlasPart> = atlas.parts.iter().filter(drawn).collect();
@@ -400,6 +405,27 @@ pub(crate) struct PixelArgs {
     /// Draw all patches of a level into one image [a word may be left out: tight, for PNG pictures body]
     #[arg(long, value_name = "HOW", num_args = 0..=1, value_parser = one_of(&PACKINGS))]
     pack: Option<Option<Pack>>,
+    /// Draw on the canvas of this map, with its names and pixels: the one that MAP.glb is drawn on (`build --atlas`), or
+    /// another one on the same
+    #[arg(long, value_name = "MAP")]
+    atlas: Option<InPath>,
+}
+
+/// Reads a map that shares its plane with another one.
+pub(crate) fn read_canvas(map: &SkinMap, path: &Path, of_canvas: &Path) -> anyhow::Result<SkinMap> {
+    let canvas = read_map_first(of_canvas)?;
+    if share_plane(map, &canvas).map_err(Error::from)? {
+        return Ok(canvas);
+    }
+    let drawn = |map: &SkinMap| map.atlas.as_ref().map_or("itself".to_owned(), |on| format!("{:?}", on.name));
+    let what = format!(
+        "{} is drawn on {}, and {} on {}",
+        path.display(),
+        drawn(map),
+        of_canvas.display(),
+        drawn(&canvas)
+    );
+    Err(advise(what, "draw one on the other with build --atlas, or both on one map"))
 }
 
 const PACKINGS: [Choice<Pack>; 2] = [

@@ -1,6 +1,6 @@
-//! What joins the patches of a map: `extras.dermatome.body` of the document.
+//! What a map says as a whole, `extras.dermatome` of the document: what joins its patches, and the map of another skin that
+//! it is drawn on.
 
-use gltf::json::extras::Extras;
 use serde::{Deserialize, Serialize};
 
 use crate::body::{Body, BodyLevel, BodyTaxel, field_areas};
@@ -10,14 +10,26 @@ use crate::io::gltf::document::Document;
 use crate::io::gltf::rows::{add_rows, read_rows};
 use crate::io::gltf::writer::SceneWriter;
 use crate::io::gltf::{RowsExtras, content};
-use crate::map::SkinMap;
+use crate::map::{OnAtlas, SkinMap};
 use crate::numeric::narrow;
 use crate::skin::PatchId;
 
 /// `extras.dermatome` of the document.
 #[derive(Debug, Serialize, Deserialize)]
 struct DocumentExtras {
-    body: BodyExtras,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    body: Option<BodyExtras>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    atlas: Option<AtlasExtras>,
+}
+
+/// An [`OnAtlas`].
+#[derive(Debug, Serialize, Deserialize)]
+struct AtlasExtras {
+    name: String,
+    /// In hexadecimal.
+    hash: String,
+    mirrored: bool,
 }
 
 #[derive(Debug, Serialize, Deserialize)]
@@ -40,12 +52,22 @@ struct BodyLevelExtras {
     up: RowsExtras,
 }
 
-/// Writes a body; nothing of an empty one.
-pub(super) fn write_body(writer: &mut SceneWriter<'_>, map: &SkinMap) -> Result<()> {
-    let body = &map.body;
-    if *body == Body::default() {
-        return Ok(());
+/// Writes the body, if it is not empty, and the atlas, if there is one.
+pub(super) fn write_extras(writer: &mut SceneWriter<'_>, map: &SkinMap) -> Result<()> {
+    let atlas = map.atlas.as_ref().map(|on| AtlasExtras {
+        name: on.name.clone(),
+        hash: format!("{:016x}", on.hash),
+        mirrored: on.is_mirrored,
+    });
+    let body = (map.body != Body::default()).then(|| body_extras(writer, map));
+    if body.is_some() || atlas.is_some() {
+        writer.root.extras = writer.extras(&DocumentExtras { body, atlas })?;
     }
+    Ok(())
+}
+
+fn body_extras(writer: &mut SceneWriter<'_>, map: &SkinMap) -> BodyExtras {
+    let body = &map.body;
     let row = |[a, b]: &[BodyTaxel; 2]| [a.patch.raw(), a.taxel.raw(), b.patch.raw(), b.taxel.raw()];
     let links = (!body.links.is_empty()).then(|| writer.array(None, body.links.iter().map(row)).value());
     let areas = |rows| field_areas(rows, map.patches.iter().map(|patch| &patch.taxels.areas));
@@ -58,13 +80,34 @@ pub(super) fn write_body(writer: &mut SceneWriter<'_>, map: &SkinMap) -> Result<
             up: add_rows(writer, &level.rows),
         });
     }
-    writer.root.extras = writer.extras(&DocumentExtras { body: BodyExtras { links, levels } })?;
-    Ok(())
+    BodyExtras { links, levels }
 }
 
-/// Reads the body of a map; an empty one from a file that has none, as older ones.
-pub(super) fn read_body(document: &Document) -> Result<Body> {
-    let Some(extras) = of_body(&document.root().extras) else { return Ok(Body::default()) };
+/// Reads the body and the atlas of a map; an empty body from a file that has none, as older ones.
+pub(super) fn read_extras(document: &Document) -> Result<(Body, Option<OnAtlas>)> {
+    let extras = content(&document.root().extras);
+    let part = |name| extras.as_ref().and_then(|extras| extras.get(name)).cloned();
+    let (body, atlas) = (part("body"), part("atlas"));
+    Ok((read_body(document, body)?, atlas.map(|atlas| read_atlas(document, atlas)).transpose()?))
+}
+
+fn read_atlas(document: &Document, extras: serde_json::Value) -> Result<OnAtlas> {
+    let invalid = |found: String| {
+        document.invalid(
+            "extras.dermatome.atlas",
+            found,
+            "name, hash of 16 hexadecimal digits and mirrored, true or false",
+        )
+    };
+    let AtlasExtras { name, hash, mirrored } =
+        AtlasExtras::deserialize(extras).map_err(|e| invalid(e.to_string()))?;
+    let digits = u64::from_str_radix(&hash, 16).ok().filter(|_| hash.len() == 16);
+    let hash = digits.ok_or_else(|| invalid(format!("hash {hash:?}")))?;
+    Ok(OnAtlas { name, hash, is_mirrored: mirrored })
+}
+
+fn read_body(document: &Document, extras: Option<serde_json::Value>) -> Result<Body> {
+    let Some(extras) = extras else { return Ok(Body::default()) };
     const ELEMENT: &str = "extras.dermatome.body";
     let extras = BodyExtras::deserialize(extras).map_err(|e| {
         document.invalid(
@@ -92,8 +135,4 @@ pub(super) fn read_body(document: &Document) -> Result<Body> {
         body.levels.push(BodyLevel { origins, rows });
     }
     Ok(body)
-}
-
-fn of_body(extras: &Extras) -> Option<serde_json::Value> {
-    content(extras)?.get_mut("body").map(serde_json::Value::take)
 }

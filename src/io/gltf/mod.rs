@@ -42,7 +42,7 @@ pub(super) use animation::read_animation;
 pub use read_map::{map_from_bytes, read_map};
 pub(super) use read_skin::read_gltf;
 pub(crate) use write_map::as_in_map_file;
-pub use write_map::{map_to_bytes, write_map, write_pyramids};
+pub use write_map::{map_hash, map_to_bytes, share_plane, write_map, write_pyramids};
 pub use write_skin::rounding_in_gltf;
 pub(super) use write_skin::write_skin;
 
@@ -84,6 +84,9 @@ pub(super) struct LevelExtras {
     /// On level 0 whether the ids only count the taxels.
     #[serde(default, skip_serializing_if = "is_false")]
     pub counted: bool,
+    /// On level 0 of a map on that of another skin: the patch of that map.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub atlas: Option<String>,
 }
 
 /// `extras.dermatome` of a mesh of a skin.

@@ -15,7 +15,7 @@ use crate::io::IoError;
 use crate::io::error::Result;
 use crate::io::file::{Source, excerpt};
 use crate::io::gltf::animation::read_animations;
-use crate::io::gltf::body::read_body;
+use crate::io::gltf::body::read_extras;
 use crate::io::gltf::document::Document;
 use crate::io::gltf::joints::Binding;
 use crate::io::gltf::nodes::read_node_tree;
@@ -93,7 +93,7 @@ fn read_document(path: &Path, document: &Document) -> Result<SkinMap> {
     for patch in found {
         map.patches.push(read_patch(document, &links, patch)?);
     }
-    map.body = read_body(document)?;
+    (map.body, map.atlas) = read_extras(document)?;
     map.validate().map_err(|fault| IoError::Map { path: path.into(), source: Box::new(fault) })?;
     for patch in map.patches.iter_mut() {
         patch.levels.as_mut_slice().par_iter_mut().for_each(|map| {
@@ -178,7 +178,8 @@ fn read_patch(
         (level.from_coarser, level.to_finest, level.origins) = (from_coarser, to_finest, origins);
     }
     let filled = patch.levels.first().map_or(0, |(_, extras)| extras.filled);
-    Ok(PatchMap { name: patch.name, link: *link, filled, taxels, levels })
+    let atlas = patch.levels.into_iter().next().and_then(|(_, extras)| extras.atlas);
+    Ok(PatchMap { name: patch.name, link: *link, filled, taxels, levels, atlas })
 }
 
 /// The mesh and the map of one level, not yet measured nor joined; level 0 fills in the taxels.

@@ -16,14 +16,14 @@ use crate::id::{FaceId, IdVec, VertexId};
 use crate::io::IoError;
 use crate::io::error::Result;
 use crate::io::file::{OutPath, replace_file, unfit};
-use crate::io::gltf::body::write_body;
+use crate::io::gltf::body::write_extras;
 use crate::io::gltf::rows::add_rows;
 use crate::io::gltf::write_skin::{Codes, SheetWriter, joints_of, mesh, node};
 use crate::io::gltf::writer::{Form, PatchNode, SceneWriter};
 use crate::io::gltf::{FrameExtras, LevelExtras};
 use crate::map::{MapError, MapLevel, SkinMap};
 use crate::mesh::{FlatTriangle, TriMesh, VertexCorners};
-use crate::numeric::narrow;
+use crate::numeric::{hash, narrow};
 use crate::parallel::{par_collect, par_map};
 use crate::pyramid::{Level, LevelId, Pyramid, PyramidError};
 use crate::skin::{Link, LinkId, Motion, RegionName, Skin, Taxels, region_names};
@@ -45,7 +45,9 @@ use crate::skin::{Link, LinkId, Motion, RegionName, Skin, Taxels, region_names};
 /// each of them is. Everything but the rectangle is rounded to `f32`. Where patches are joined, the `extras.dermatome.body`
 /// of the document has the accessor `links`: rows of patch, vertex, patch and vertex, patches in the
 /// order of their meshes; and where there are several patches `levels`, each with accessors `origins` (patch, vertex), `area` (m^2) and `up`: the
-/// fields of the level before in terms of its own.
+/// fields of the level before in terms of its own. A map on that of another skin has `extras.dermatome.atlas` of the
+/// document: the `name` and the `hash` ([`map_hash`](crate::io::map_hash)) of the other map, and whether it is
+/// `mirrored`; and `atlas` of each level 0 is the patch of the other map.
 ///
 /// # Errors
 /// If [`SkinMap::validate`] refuses the map or it has no patch, if rounding would turn a triangle
@@ -75,6 +77,7 @@ fn write(output: &mut dyn Write, path: &Path, map: &SkinMap) -> Result<()> {
             let levels = patch.levels.iter().map(|map| (&map.level, Some(map))).collect();
             PatchLevels {
                 name: &patch.name,
+                atlas: patch.atlas.as_ref(),
                 link: patch.link,
                 filled: patch.filled,
                 taxels: &patch.taxels,
@@ -83,6 +86,36 @@ fn write(output: &mut dyn Write, path: &Path, map: &SkinMap) -> Result<()> {
         })
         .collect();
     write_levels(output, path, (&map.links, &map.animations, Some(map)), &patches)
+}
+
+/// A hash of the map of level 0 as a file stores it: names of patches, ids and places of taxels. A map has the same one
+/// in memory and read from its file.
+///
+/// # Errors
+/// [`MapError::Rounded`], if a file cannot store the map.
+pub fn map_hash(map: &SkinMap) -> Result<u64, MapError> {
+    let mut of = 0;
+    let mut add = |word: u64| of = hash(of ^ word);
+    for patch in &map.patches {
+        patch.name.bytes().for_each(|byte| add(u64::from(byte)));
+        patch.taxels.ids.iter().for_each(|id| add(u64::from(id.0)));
+        let Some(finest) = patch.levels.first() else { continue };
+        let texture = texture_coordinates(finest, &finest.opened());
+        let texture = texture.map_err(|(found, needed)| MapError::Rounded { found, needed })?;
+        let frame = [finest.frame.origin, finest.frame.size];
+        frame.iter().for_each(|corner| corner.to_array().iter().for_each(|x| add(x.to_bits())));
+        texture.into_iter().flatten().for_each(|x| add(u64::from(x.to_bits())));
+    }
+    Ok(of)
+}
+
+/// Whether two maps lie on one plane: one is drawn on the other, both are drawn on a third, or they are the same.
+///
+/// # Errors
+/// As [`map_hash`].
+pub fn share_plane(a: &SkinMap, b: &SkinMap) -> Result<bool, MapError> {
+    let plane = |map: &SkinMap| map.atlas.as_ref().map_or_else(|| map_hash(map), |on| Ok(on.hash));
+    Ok(plane(a)? == plane(b)?)
 }
 
 /// Writes pyramids alone: as [`write_map`], without maps.
@@ -107,6 +140,7 @@ pub fn write_pyramids(path: impl Into<OutPath>, skin: &Skin, pyramids: &[Pyramid
         let levels = pyramid.levels.iter().map(|level| (level, None)).collect();
         patches.push(PatchLevels {
             name: &patch.name,
+            atlas: None,
             link: patch.link,
             filled: patch.filled,
             taxels: &patch.taxels,
@@ -119,6 +153,7 @@ pub fn write_pyramids(path: impl Into<OutPath>, skin: &Skin, pyramids: &[Pyramid
 /// A patch with its levels, and their maps if there are any; all valid.
 struct PatchLevels<'a> {
     name: &'a str,
+    atlas: Option<&'a String>,
     link: LinkId,
     filled: usize,
     taxels: &'a Taxels,
@@ -159,7 +194,7 @@ fn write_levels(
     }
     writer.add_animations(animations)?;
     if let Some(map) = map {
-        write_body(&mut writer, map)?;
+        write_extras(&mut writer, map)?;
     }
     writer.finish(output, Form::Glb)
 }
@@ -233,6 +268,7 @@ fn add_level(
             _ => Vec::new(),
         },
         counted: number.index() == 0 && patch.taxels.are_counted,
+        atlas: patch.atlas.filter(|_| number.index() == 0).cloned(),
     };
     let mut mesh = mesh(name, primitive);
     mesh.extras = writer.extras(&content)?;

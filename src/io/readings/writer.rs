@@ -1,4 +1,4 @@
-//! Recordings that are written frame by frame: readings of one channel, as [`ReadingsReader`] reads them.
+//! Recordings that are written frame by frame, as [`ReadingsReader`] reads them.
 //!
 //! [`ReadingsReader`]: crate::io::ReadingsReader
 
@@ -14,16 +14,17 @@ use crate::io::table::writer::TableWriter;
 use crate::signal::{Channel, Frame};
 use crate::skin::{PatchId, Presence, Taxels};
 
-/// Writes readings of one channel frame by frame: a table `.csv` or arrays `.npz`.
+/// Writes readings frame by frame: a table `.csv` or arrays `.npz`.
 ///
-/// The table has the columns `time` in s and `ID.CHANNEL` for each taxel that is present, as
-/// `17.force`; a taxel without a reading has `NaN`. The arrays are `values` `(T, N)`, `timestamps`
-/// `(T,)`, `ids` `(N,)`, and the texts `channels` and `units`. Where taxels share an id, all taxels
+/// The table has the columns `time` in s and `ID.CHANNEL` for each taxel that is present and each channel, as
+/// `17.force`; a taxel without a reading has `NaN`. The arrays are `values` `(T, N)`, of several channels `(T, N, C)`,
+/// `timestamps` `(T,)`, `ids` `(N,)`, and the texts `channels` and `units`. Where taxels share an id, all taxels
 /// are written in their order, absent ones too, without ids: the columns of the table are `.force`.
 /// No file appears before [`ReadingsWriter::finish`]; memory does not depend on
 /// the number of frames.
 pub struct ReadingsWriter {
     taxels: Vec<(PatchId, VertexId)>,
+    channels: usize,
     output: Output,
     row: Vec<f64>,
 }
@@ -41,7 +42,7 @@ impl ReadingsWriter {
     pub fn create<'a>(
         path: impl Into<OutPath>,
         patches: impl IntoIterator<Item = &'a Taxels>,
-        channel: &Channel,
+        channels: &[Channel],
     ) -> Result<Self, IoError> {
         let path = &path.into();
         let (mut all, mut present) = (Vec::new(), Vec::new());
@@ -64,27 +65,34 @@ impl ReadingsWriter {
         }
         let output = match file_kind(path).as_str() {
             "csv" => {
-                let unit =
-                    if channel.unit.is_empty() { String::new() } else { format!("[{}]", channel.unit) };
                 let id = |column| ids.get(column).map_or(String::new(), u32::to_string);
-                let names = (0..taxels.len()).map(|column| format!("{}.{}{unit}", id(column), channel.name));
+                let name = |column, Channel { name, unit, .. }: &Channel| match unit.as_str() {
+                    "" => format!("{}.{name}", id(column)),
+                    unit => format!("{}.{name}[{unit}]", id(column)),
+                };
+                let names = (0..taxels.len())
+                    .flat_map(|column| channels.iter().map(move |channel| name(column, channel)));
                 let header: Vec<String> = std::iter::once("time".to_owned()).chain(names).collect();
                 Output::Table(TableWriter::create(path, &header.join(","))?)
             }
             "npz" => {
                 let mut writer = ArrayWriter::create(path)?;
                 let times = writer.growing("timestamps", ElementType::F64, &[])?;
-                let values = writer.growing("values", ElementType::F64, &[taxels.len()])?;
+                let shape = [taxels.len(), channels.len()];
+                let shape = if channels.len() == 1 { &shape[..1] } else { &shape };
+                let values = writer.growing("values", ElementType::F64, shape)?;
                 if has_ids {
                     writer.constant("ids", &[ids.len()], Elements::U32(&ids))?;
                 }
-                writer.constant("channels", &[1], Elements::Text(std::slice::from_ref(&channel.name)))?;
-                writer.constant("units", &[1], Elements::Text(std::slice::from_ref(&channel.unit)))?;
+                let (names, units): (Vec<_>, Vec<_>) =
+                    channels.iter().map(|channel| (channel.name.clone(), channel.unit.clone())).unzip();
+                writer.constant("channels", &[names.len()], Elements::Text(&names))?;
+                writer.constant("units", &[units.len()], Elements::Text(&units))?;
                 Output::Arrays { writer, times, values }
             }
             _ => return Err(IoError::UnknownKind { path: path.into(), known: ".csv, .npz" }),
         };
-        Ok(Self { taxels, output, row: Vec::new() })
+        Ok(Self { taxels, channels: channels.len(), output, row: Vec::new() })
     }
 
     /// Writes a frame.
@@ -96,7 +104,9 @@ impl ReadingsWriter {
     /// If the frame is not one of these taxels.
     pub fn write(&mut self, frame: &Frame) -> Result<(), IoError> {
         self.row.clear();
-        self.row.extend(self.taxels.iter().map(|&(patch, taxel)| frame.values[patch][0][taxel]));
+        for &(patch, taxel) in &self.taxels {
+            self.row.extend((0..self.channels).map(|channel| frame.values[patch][channel][taxel]));
+        }
         match &mut self.output {
             Output::Arrays { writer, times, values } => {
                 writer.push(*times, Elements::F64(&[frame.time]))?;

@@ -12,6 +12,7 @@ pub(super) mod design;
 pub(super) mod diff;
 #[cfg(feature = "robots")]
 pub(super) mod joints;
+pub(super) mod landmarks;
 pub(super) mod lookups;
 pub(super) mod motion;
 pub(super) mod order;

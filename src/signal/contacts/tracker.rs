@@ -472,5 +472,6 @@ fn with_level_0(patch: &PatchMap) -> PatchMap {
         filled: patch.filled,
         taxels: patch.taxels.clone(),
         levels: patch.levels.iter().take(1).cloned().collect(),
+        atlas: None,
     }
 }

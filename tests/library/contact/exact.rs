@@ -27,7 +27,14 @@ fn patch_of(name: &str, link: usize, levels: Vec<MapLevel>) -> PatchMap {
     let map = SkinMap::flat(levels[0].level.mesh.clone(), 0.001);
     let mut taxels = map.patches.into_iter().next().unwrap().taxels;
     taxels.ids = taxels.ids.ids().map(|v| TaxelId(1000 + v.raw())).collect();
-    PatchMap { name: name.into(), link: LinkId::new(link), filled: 0, taxels, levels: levels.into() }
+    PatchMap {
+        name: name.into(),
+        link: LinkId::new(link),
+        filled: 0,
+        taxels,
+        levels: levels.into(),
+        atlas: None,
+    }
 }
 
 fn link_of(name: &str, parent: Option<usize>, pose: DAffine3) -> Link {

@@ -43,7 +43,14 @@ fn flat_taxels(mesh: TriMesh) -> Taxels {
 /// A patch of these levels; ids count from 100.
 pub(crate) fn patch(name: &str, levels: Vec<MapLevel>) -> PatchMap {
     let taxels = flat_taxels(levels[0].level.mesh.clone());
-    PatchMap { name: name.into(), link: LinkId::default(), filled: 0, taxels, levels: levels.into() }
+    PatchMap {
+        name: name.into(),
+        link: LinkId::default(),
+        filled: 0,
+        taxels,
+        levels: levels.into(),
+        atlas: None,
+    }
 }
 
 /// The image of level `k`.

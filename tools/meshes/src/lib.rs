@@ -21,10 +21,11 @@ use dermatome::skin::Skin;
 pub type Generator = fn() -> Skin;
 
 /// Every skin with the stem of its file.
-pub const ALL: [(&str, Generator); 6] = [
+pub const ALL: [(&str, Generator); 7] = [
     ("sphere_cap", sphere_cap::sphere_cap),
     ("forearm", forearm::forearm),
     ("hand", hand::hand),
+    ("robot_hand", hand::robot_hand),
     ("glove", glove::glove),
     ("saddle", saddle::saddle),
     ("robot", robot::robot),

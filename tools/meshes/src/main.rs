@@ -8,6 +8,7 @@ use std::{
 };
 
 use dermatome::io::{skin_to_bytes, write_skin};
+use meshes::hand;
 use meshes::sleeve::{bent, sleeve};
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -15,6 +16,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     for (name, generate) in meshes::ALL {
         write_skin(&folder.join(name).with_extension("glb"), &generate())?;
     }
+    let rows = hand::landmarks().into_iter().map(|[own, other]| format!("{},{}\n", own.0, other.0));
+    let table = "taxel_id,atlas_taxel_id\n".to_owned() + &rows.collect::<String>();
+    fs::write(folder.join("robot_hand_landmarks.csv"), table)?;
     let name = Path::new("sleeve.glb");
     let bent = bent(&skin_to_bytes(name, &sleeve())?).ok_or("a GLB file is needed")?;
     fs::write(folder.join(name), bent)?;

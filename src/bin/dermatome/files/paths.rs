@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use clap::{Arg, ArgMatches, Command, ValueHint};
 
 use crate::options::{
-    BoundaryArg, CutArg, InPath, JointsArg, LayoutArg, MayRead, ModuleArg, ModulesArg, OutFile, OutFolder,
-    RegionSource, SkipArg,
+    BoundaryArg, CutArg, InPath, JointsArg, LandmarkSource, LayoutArg, MayRead, ModuleArg, ModulesArg,
+    OutFile, OutFolder, RegionSource, SkipArg,
 };
 
 /// The paths of an invocation.
@@ -41,13 +41,14 @@ fn all_read<T: MayRead>(given: &ArgMatches) -> Vec<PathBuf> {
 /// The type of an argument that may be the name of a file that is read, and these files.
 type Readable = (fn() -> TypeId, fn(&ArgMatches) -> Vec<PathBuf>);
 
-const READ: [Readable; 8] = [
+const READ: [Readable; 9] = [
     (TypeId::of::<BoundaryArg>, all_read::<BoundaryArg>),
     (TypeId::of::<CutArg>, all_read::<CutArg>),
     (TypeId::of::<JointsArg>, all_read::<JointsArg>),
     (TypeId::of::<LayoutArg>, all_read::<LayoutArg>),
     (TypeId::of::<ModuleArg>, all_read::<ModuleArg>),
     (TypeId::of::<ModulesArg>, all_read::<ModulesArg>),
+    (TypeId::of::<LandmarkSource>, all_read::<LandmarkSource>),
     (TypeId::of::<RegionSource>, all_read::<RegionSource>),
     (TypeId::of::<SkipArg>, all_read::<SkipArg>),
 ];

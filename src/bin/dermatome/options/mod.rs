@@ -1,5 +1,6 @@
 //! Options that several subcommands share, and what they mean to the library.
 
+mod atlas;
 mod coarsen;
 mod flatten;
 mod patches;
@@ -16,6 +17,7 @@ use std::sync::atomic::AtomicU64;
 use clap::ValueEnum;
 use dermatome::io::{IoError, Outputs, ReadOptions, ReadingsReader};
 
+pub(crate) use atlas::{AtlasArgs, LandmarkSource};
 pub(crate) use coarsen::{AcuityArgs, CoarsenArgs};
 pub(crate) use flatten::{BoundaryArg, CutArg, FlattenArgs};
 pub(crate) use patches::{PatchArgs, pattern};

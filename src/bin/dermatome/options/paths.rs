@@ -10,7 +10,7 @@ use dermatome::design::Module;
 use dermatome::io::{ReadingsLayout, file_kind, read_module};
 
 use crate::options::values::side_mm;
-use crate::options::{BoundaryArg, CutArg, JointsArg, RegionSource};
+use crate::options::{BoundaryArg, CutArg, JointsArg, LandmarkSource, RegionSource};
 
 macro_rules! paths {
     ($($(#[$doc:meta])* $name:ident),*) => {$(
@@ -74,6 +74,7 @@ may_read!(
     BoundaryArg::Table,
     CutArg::Table,
     JointsArg::File,
+    LandmarkSource::File,
     LayoutArg::File,
     ModulesArg::Table,
     RegionSource::File,

@@ -1,0 +1,134 @@
+//! The map of another skin that a map is drawn on.
+
+use std::path::{Path, PathBuf};
+
+use dermatome::Error;
+use dermatome::io::{file_kind, map_hash, read_landmarks, read_map};
+use dermatome::map::SkinMap;
+use dermatome::pipeline::{BuildOptions, Built};
+use dermatome::registration::{Landmarks, Onto, Registered, RegisteredPatch};
+use dermatome::skin::Skin;
+
+use crate::console::errors::advise;
+use crate::console::notes::{note, note_columns};
+use crate::console::print::plain;
+use crate::options::{Common, InPath};
+
+/// The map of another skin that a map is drawn on.
+#[derive(Debug, Clone, Default, clap::Args)]
+#[command(next_help_heading = "Atlas")]
+pub(crate) struct AtlasArgs {
+    /// Draw the map on that of another skin, so that both have the same pixels (docs/atlas.md); needs --landmarks
+    #[arg(long, value_name = "MAP", requires = "landmarks")]
+    atlas: Option<InPath>,
+    /// What is the same on both skins: a table with columns taxel_id,atlas_taxel_id, or `regions` for the centres of
+    /// regions of one name; four or more in each patch
+    #[arg(long, value_name = "L.csv|regions", value_parser = landmark_source, requires = "atlas")]
+    landmarks: Option<LandmarkSource>,
+    /// The skin is that of the other hand: draw it on the mirror image of the atlas
+    #[arg(long, requires = "atlas")]
+    mirror: bool,
+}
+
+/// Where landmarks come from.
+#[derive(Debug, Clone)]
+pub(crate) enum LandmarkSource {
+    Regions,
+    File(PathBuf),
+}
+
+fn landmark_source(text: &str) -> Result<LandmarkSource, String> {
+    match text {
+        "regions" => Ok(LandmarkSource::Regions),
+        file if &*file_kind(Path::new(file)) == "csv" => Ok(LandmarkSource::File(file.into())),
+        _ => Err("needed: regions, or a file that ends in .csv".into()),
+    }
+}
+
+/// A map that others are drawn on, with its name.
+pub(crate) struct AtlasMap {
+    name: String,
+    map: SkinMap,
+}
+
+impl AtlasArgs {
+    /// Reads the map of the other skin, if one is asked for.
+    pub(crate) fn read(&self) -> Result<Option<AtlasMap>, Error> {
+        let Some(path) = &self.atlas else { return Ok(None) };
+        Ok(Some(AtlasMap { name: atlas_name(path), map: read_map(path)? }))
+    }
+
+    /// Draws a map that was built on that of the other skin.
+    pub(crate) fn apply(
+        &self,
+        atlas: &AtlasMap,
+        built: &mut Built,
+        skin: &Skin,
+        options: &BuildOptions,
+        common: &Common,
+    ) -> anyhow::Result<()> {
+        let landmarks = match &self.landmarks {
+            Some(LandmarkSource::File(path)) => {
+                let table = read_landmarks(path, &built.map, &atlas.map).map_err(Error::from)?;
+                note_columns(path, &table.unused, common);
+                Landmarks::Taxels(table.rows)
+            }
+            Some(LandmarkSource::Regions) => {
+                for (map, whose) in [(&*built.map, "the skin"), (&atlas.map, "the atlas")] {
+                    if map.regions().names.is_empty() {
+                        let what = format!("--landmarks regions, but {whose} has no named region");
+                        return Err(advise(what, "name them with --regions, or give a table of landmarks"));
+                    }
+                }
+                Landmarks::Regions
+            }
+            None => return Ok(()),
+        };
+        let onto = Onto {
+            atlas: &atlas.map,
+            name: &atlas.name,
+            hash: map_hash(&atlas.map).map_err(Error::from)?,
+            landmarks: &landmarks,
+            is_mirrored: self.mirror,
+        };
+        note_registered(&built.register(skin, options, &onto)?, common);
+        Ok(())
+    }
+}
+
+/// The name of a map for people: that of its file, or of the folder of a `map.glb`.
+fn atlas_name(path: &Path) -> String {
+    let folder = path.parent().filter(|_| path.file_stem().is_some_and(|stem| stem == "map"));
+    let named = folder.and_then(Path::file_name).or(path.file_stem());
+    named.map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
+}
+
+fn note_registered(registered: &Registered, common: &Common) {
+    for (patch, found) in &registered.left_out {
+        let patch = plain(patch);
+        note!(
+            common,
+            "{patch}: left out: it has {found} landmarks, and four are needed to place it on the atlas"
+        );
+    }
+    for patch in &registered.patches {
+        let RegisteredPatch { atlas, landmarks, elsewhere, folding, scale, missed, steps, .. } = patch;
+        let (name, atlas, missed_mm) = (plain(&patch.name), plain(atlas), 1e3 * missed);
+        note!(
+            common,
+            "{name}: on the atlas patch {atlas} by {landmarks} landmarks, {scale:.3} times as large; they missed it by \
+             {missed_mm:.1} mm before the map was bent, in {steps} steps"
+        );
+        if !elsewhere.is_empty() {
+            let names = elsewhere.join(", ");
+            note!(
+                common,
+                "{name}: left out {names}: most landmarks lie in patch {atlas} of the atlas, not these"
+            );
+        }
+        if !folding.is_empty() {
+            let names = folding.join(", ");
+            note!(common, "{name}: left out {names}: with them the map would fold");
+        }
+    }
+}

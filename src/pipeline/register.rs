@@ -1,0 +1,55 @@
+//! A finished map, drawn on that of another skin and measured there.
+
+use std::sync::Arc;
+
+use crate::Error;
+use crate::pipeline::attempts::keep_held;
+use crate::pipeline::options::{BuildOptions, Numbers};
+use crate::pipeline::{Built, enlarge_pixels};
+use crate::registration::{Onto, Registered, register};
+use crate::skin::Skin;
+
+impl Built {
+    /// Draws the map, which was built of this skin with these options, on that of another skin ([`register`]). Patches
+    /// without enough landmarks are no longer in the map; coarse levels that fold are left out, as after a build.
+    ///
+    /// # Errors
+    /// As [`register`], and if no file can store the map.
+    pub fn register(
+        &mut self,
+        skin: &Skin,
+        options: &BuildOptions,
+        onto: &Onto<'_>,
+    ) -> Result<Registered, Error> {
+        let mut map = (*self.map).clone();
+        let before: Vec<(String, (usize, bool))> = map
+            .patches
+            .iter()
+            .zip(self.left_out.iter().zip(&self.by_dirichlet))
+            .map(|(patch, (&left_out, &by_dirichlet))| (patch.name.clone(), (left_out, by_dirichlet)))
+            .collect();
+        let registered = register(&mut map, onto)?;
+        let mut made = Vec::new();
+        for patch in map.patches.iter_mut() {
+            // Tangents that the skin does not state are those of the map.
+            let states = skin.patches.iter().find(|other| other.name == patch.name);
+            if states.is_some_and(|states| states.taxels.tangents.is_none()) {
+                patch.set_tangents();
+            }
+            let more = keep_held(patch, options, Numbers::F32).map_err(|e| e.in_patch(&patch.name))?;
+            let known = before.iter().find(|(name, _)| *name == patch.name).map(|(_, made)| *made);
+            let (left_out, by_dirichlet) = known.unwrap_or_default();
+            made.push((left_out + more, by_dirichlet));
+        }
+        if options.pixel.is_none()
+            && let Some(enlarged) = enlarge_pixels(&mut map, &mut made, options, &mut self.failed)?
+        {
+            self.enlarged = Some(enlarged);
+        }
+        map.find_body(options.across);
+        self.map = Arc::new(map);
+        let (left_out, by_dirichlet): (Vec<_>, Vec<_>) = made.into_iter().unzip();
+        (self.left_out, self.by_dirichlet) = (left_out.into(), by_dirichlet.into());
+        Ok(registered)
+    }
+}

@@ -1,0 +1,306 @@
+//! Maps of two skins on one plane: what must not matter, and what must be kept.
+
+use std::sync::{Arc, LazyLock};
+
+use dermatome::atlas::{Atlas, AtlasOptions};
+use dermatome::flatten::distortion;
+use dermatome::id::VertexId;
+use dermatome::io::{map_from_bytes, map_hash, map_to_bytes, share_plane};
+use dermatome::map::SkinMap;
+use dermatome::mesh::{TriMesh, shapes};
+use dermatome::pipeline::{BuildOptions, Built, build_with};
+use dermatome::pyramid::LevelId;
+use dermatome::registration::{Landmark, Landmarks, Onto, Registered, RegistrationError, register};
+use dermatome::run::Run;
+use dermatome::signal::{Carry, Quantity};
+use dermatome::skin::{Patch, PatchId, Skin};
+use glam::{DVec2, DVec3};
+
+/// A domed sheet of uneven sides; `bent` moves its taxels in the plane before it is domed.
+fn sheet(columns: u32, rows: u32, spacing: f64, bent: impl Fn(DVec2) -> DVec2) -> Skin {
+    let mut mesh = shapes::lattice(columns, rows, spacing);
+    for p in mesh.positions.iter_mut() {
+        let at = bent(p.truncate());
+        *p = at.extend(-2.0 * at.length_squared());
+    }
+    Skin::from_mesh("sheet", mesh)
+}
+
+/// The same places of two lattices of equal extent, at shares of their sides.
+fn landmarks(a: &Skin, of_a: [u32; 2], b: &Skin, of_b: [u32; 2], shares: &[[f64; 2]]) -> Landmarks {
+    let nearest = |skin: &Skin, [columns, rows]: [u32; 2], share: &[f64; 2]| {
+        let at =
+            [f64::from(columns - 1) * share[0], f64::from(rows - 1) * share[1]].map(|x| x.round() as usize);
+        assert!(skin.patches[PatchId::new(0)].mesh.positions.len() == (columns * rows) as usize);
+        VertexId::new(at[1] * columns as usize + at[0])
+    };
+    let landmark = |(number, share): (usize, &[f64; 2])| Landmark {
+        name: format!("line {}", number + 2),
+        taxel: (PatchId::new(0), nearest(a, of_a, share)),
+        atlas: (PatchId::new(0), nearest(b, of_b, share)),
+    };
+    Landmarks::Taxels(shares.iter().enumerate().map(landmark).collect())
+}
+
+const SHARES: [[f64; 2]; 9] = [
+    [0.0, 0.0],
+    [0.5, 0.0],
+    [1.0, 0.0],
+    [0.0, 0.5],
+    [0.5, 0.5],
+    [1.0, 0.5],
+    [0.0, 1.0],
+    [0.5, 1.0],
+    [1.0, 1.0],
+];
+
+fn built(skin: &Skin) -> Built {
+    build_with(skin, &BuildOptions::default(), Run::default()).unwrap()
+}
+
+/// A free map, drawn on an atlas.
+fn onto(
+    free: &SkinMap,
+    atlas: &SkinMap,
+    landmarks: &Landmarks,
+    is_mirrored: bool,
+) -> Result<(SkinMap, Registered), RegistrationError> {
+    let mut map = free.clone();
+    let hash = map_hash(atlas).unwrap();
+    let registered = register(&mut map, &Onto { atlas, name: "other", hash, landmarks, is_mirrored })?;
+    for level in &map.patches[PatchId::new(0)].levels {
+        let measured = distortion(&level.opened(), &level.opened_uv());
+        assert_eq!((measured.flips, measured.crossings), (0, 0));
+    }
+    Ok((map, registered))
+}
+
+fn wide(p: DVec2) -> DVec2 {
+    DVec2::new(1.3 * p.x + 2.0 * p.x * p.y, 0.9 * p.y)
+}
+
+const A: [u32; 2] = [41, 21];
+const B: [u32; 2] = [29, 15];
+
+/// Two sheets, and the maps of both.
+struct Pair {
+    skin: Skin,
+    other: Skin,
+    free: Arc<SkinMap>,
+    atlas: Arc<SkinMap>,
+}
+
+static PAIR: LazyLock<Pair> = LazyLock::new(|| {
+    let (skin, other) = (sheet(A[0], A[1], 0.0035, wide), sheet(B[0], B[1], 0.005, |p| p));
+    let (free, atlas) = (built(&skin).map, built(&other).map);
+    Pair { skin, other, free, atlas }
+});
+
+fn marks_at(shares: &[[f64; 2]]) -> Landmarks {
+    landmarks(&PAIR.skin, A, &PAIR.other, B, shares)
+}
+
+fn uv(map: &SkinMap) -> &dermatome::map::MapLevel {
+    &map.patches[PatchId::new(0)].levels[LevelId::new(0)]
+}
+
+/// Landmarks lie at their places, other taxels near them, no level folds, and a file says all of it.
+#[test]
+fn a_sheet_lies_on_the_map_of_another() {
+    let Pair { skin, atlas, .. } = &*PAIR;
+    let marks = marks_at(&SHARES);
+    let (hash, mut built) = (map_hash(atlas).unwrap(), built(skin));
+    let other = Onto { atlas, name: "other", hash, landmarks: &marks, is_mirrored: false };
+    let registered = built.register(skin, &BuildOptions::default(), &other).unwrap();
+    let map = built.map;
+    assert_eq!((registered.patches[0].landmarks, registered.patches[0].folding.len()), (9, 0));
+    let Landmarks::Taxels(rows) = &marks else { unreachable!() };
+    let place = |map: &SkinMap, v: VertexId| uv(map).opened_uv()[v];
+    for row in rows {
+        assert!(place(&map, row.taxel.1).distance(place(atlas, row.atlas.1)) < 1e-6, "{}", row.name);
+    }
+    for level in &map.patches[PatchId::new(0)].levels {
+        assert_eq!((level.distortion.flips, level.distortion.crossings), (0, 0));
+    }
+    // The same shares of both lattices are one place.
+    let mut worst = 0.0_f64;
+    for k in 0..15 {
+        for j in 0..8 {
+            let own = VertexId::new((j * 2 + 1) * 41 + k * 2 + 4);
+            let share = DVec2::new((k * 2 + 4) as f64 / 40.0, (j * 2 + 1) as f64 / 20.0);
+            let at = DVec2::new(28.0 * share.x, 14.0 * share.y);
+            let low = at.floor();
+            let corner = |dx: f64, dy: f64| {
+                let v = ((low.y + dy).min(14.0) * 29.0 + (low.x + dx).min(28.0)) as usize;
+                place(atlas, VertexId::new(v))
+            };
+            let rest = at - low;
+            let below = corner(0.0, 0.0).lerp(corner(1.0, 0.0), rest.x);
+            let above = corner(0.0, 1.0).lerp(corner(1.0, 1.0), rest.x);
+            worst = worst.max(place(&map, own).distance(below.lerp(above, rest.y)));
+        }
+    }
+    assert!(worst < 0.005, "{worst} m");
+    let read = map_from_bytes(map_to_bytes(&map).unwrap()).unwrap();
+    assert_eq!(read.atlas, map.atlas);
+    assert_eq!(read.patches[PatchId::new(0)].atlas.as_deref(), Some("sheet"));
+    assert!(share_plane(&read, atlas).unwrap() && share_plane(atlas, &map).unwrap());
+    let of_file = map_from_bytes(map_to_bytes(atlas).unwrap()).unwrap();
+    assert_eq!(map_hash(&of_file).unwrap(), map_hash(atlas).unwrap(), "in memory and in a file");
+    assert!(!share_plane(&read, &PAIR.free).unwrap(), "its free map is another plane");
+}
+
+/// The order of landmarks, the place of the skin and its unit do not matter.
+#[test]
+fn order_and_frame_of_the_skin_do_not_matter() {
+    let Pair { skin, free, atlas, .. } = &*PAIR;
+    let marks = marks_at(&SHARES);
+    let (map, _) = onto(free, atlas, &marks, false).unwrap();
+    let Landmarks::Taxels(mut rows) = marks else { unreachable!() };
+    rows.reverse();
+    let reversed = Landmarks::Taxels(rows);
+    let mut turned = skin.clone();
+    let turn = glam::DQuat::from_axis_angle(DVec3::new(1.0, 2.0, 3.0).normalize(), 1.0);
+    let mesh = TriMesh {
+        positions: skin.patches[PatchId::new(0)].mesh.positions.map(|&p| 3.0 * (turn * p) + DVec3::ONE),
+        triangles: skin.patches[PatchId::new(0)].mesh.triangles.clone(),
+    };
+    turned.patches[PatchId::new(0)] = Patch::from_mesh("sheet", skin.patches[PatchId::new(0)].link, mesh);
+    for free in [free, &built(&turned).map] {
+        let (again, _) = onto(free, atlas, &reversed, false).unwrap();
+        let far = uv(&map).uv.iter().zip(&uv(&again).uv).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
+        assert!(far < 2e-4, "{far} m");
+    }
+}
+
+fn kind(result: Result<(SkinMap, Registered), RegistrationError>) -> &'static str {
+    result.map(|_| ()).unwrap_err().kind()
+}
+
+/// Each landmark that cannot be right is refused by name.
+#[test]
+fn wrong_landmarks_are_refused() {
+    let Pair { free, atlas, .. } = &*PAIR;
+    let refused = |marks: &Landmarks| onto(free, atlas, marks, false).map(|_| ()).unwrap_err();
+    assert_eq!(refused(&marks_at(&SHARES[..3])).kind(), "too_few");
+    assert_eq!(refused(&marks_at(&[[0.0, 0.5], [0.25, 0.5], [0.5, 0.5], [1.0, 0.5]])).kind(), "on_a_line");
+    let Landmarks::Taxels(rows) = marks_at(&SHARES) else { unreachable!() };
+    let mut twice = rows.clone();
+    twice[7].taxel = twice[3].taxel;
+    let error = refused(&Landmarks::Taxels(twice));
+    assert!(error.kind() == "one_place" && error.to_string().contains("line 5 and line 9"), "{error}");
+    let mut exchanged = rows.clone();
+    let (a, b) = (exchanged[1].atlas, exchanged[5].atlas);
+    (exchanged[1].atlas, exchanged[5].atlas) = (b, a);
+    let error = refused(&Landmarks::Taxels(exchanged));
+    assert!(error.kind() == "exchanged" && error.to_string().contains("line 3 and line 7"), "{error}");
+    // The skin of the other hand: left and right are exchanged.
+    let mirrored: Vec<Landmark> = rows
+        .iter()
+        .enumerate()
+        .map(|(k, row)| Landmark { atlas: rows[k / 3 * 3 + 2 - k % 3].atlas, ..row.clone() })
+        .collect();
+    let error = refused(&Landmarks::Taxels(mirrored.clone()));
+    assert!(error.kind() == "other_hand" && error.to_string().contains("--mirror"), "{error}");
+    let (map, _) = onto(free, atlas, &Landmarks::Taxels(mirrored), true).unwrap();
+    assert!(map.is_mirrored());
+    assert_eq!(kind(onto(free, atlas, &Landmarks::Taxels(rows), true)), "other_hand");
+}
+
+/// A landmark on the seam of a closed skin has two places.
+#[test]
+fn a_landmark_on_a_seam_is_refused() {
+    let skin = Skin::from_mesh("ball", shapes::ball(12, 0.05));
+    let map = built(&skin).map;
+    let level = uv(&map);
+    let on_seam = level.cut.as_ref().unwrap().unsplit.iter().next_back().copied().unwrap();
+    let at = (PatchId::new(0), on_seam);
+    let row = |v: usize| Landmark {
+        name: format!("line {v}"),
+        taxel: (PatchId::new(0), VertexId::new(v)),
+        atlas: (PatchId::new(0), VertexId::new(v)),
+    };
+    let mut rows: Vec<Landmark> = [5, 60, 100, 140].map(row).to_vec();
+    rows.push(Landmark { name: "line 9".into(), taxel: at, atlas: (PatchId::new(0), VertexId::new(9)) });
+    let error = onto(&map, &map, &Landmarks::Taxels(rows), false).map(|_| ()).unwrap_err();
+    assert!(error.kind() == "on_seam" && error.to_string().starts_with("line 9"), "{error}");
+    assert!(matches!(error, RegistrationError::OnSeam { .. }));
+}
+
+/// Forces keep their sum, pressures their values, and a skin on its own map carries nothing away.
+#[test]
+fn forces_keep_their_sum_and_pressures_their_value() {
+    let Pair { free, atlas, .. } = &*PAIR;
+    let marks = marks_at(&SHARES);
+    let (map, _) = onto(free, atlas, &marks, false).unwrap();
+    let pressure = |p: DVec2| 1.0 + (40.0 * p.x).sin() * (60.0 * p.y).cos();
+    for (from, to) in [(&map, &**atlas), (&**atlas, &map)] {
+        let carry = Carry::new(from, to).unwrap();
+        let values: Vec<f64> = uv(from).opened_uv().iter().map(|&p| pressure(p)).collect();
+        let carried = carry.carry(&values, Quantity::Intensive);
+        let at = uv(to).opened_uv();
+        let errors: Vec<f64> = carried
+            .iter()
+            .zip(&at)
+            .filter(|(value, _)| value.is_finite())
+            .map(|(value, &p)| (value - pressure(p)).powi(2))
+            .collect();
+        let rms = (errors.iter().sum::<f64>() / errors.len() as f64).sqrt();
+        assert!(rms < 0.05 && carry.unreached() * 20 < carried.len(), "{rms}, {}", carry.unreached());
+        let ones = carry.carry(&vec![2.5; values.len()], Quantity::Intensive);
+        assert!(ones.iter().filter(|x| x.is_finite()).all(|x| (x - 2.5).abs() < 1e-12));
+        // Of what lies on the other skin nothing is lost.
+        let mut forces = values.clone();
+        for &(_, taxel) in carry.outside() {
+            forces[taxel.index()] = 0.0;
+        }
+        let sum = |values: &[f64]| values.iter().filter(|x| x.is_finite()).sum::<f64>();
+        let all = carry.carry(&forces, Quantity::Extensive);
+        assert!((sum(&all) / sum(&forces) - 1.0).abs() < 1e-12);
+    }
+}
+
+/// A map is drawn on the canvas of another: its size, its pixels, and amounts kept.
+#[test]
+fn a_map_is_drawn_on_the_canvas_of_its_atlas() {
+    let Pair { free, atlas, .. } = &*PAIR;
+    let marks = marks_at(&SHARES);
+    let (map, _) = onto(free, atlas, &marks, false).unwrap();
+    let options = AtlasOptions::default();
+    let (own, drawn) = (Atlas::new(atlas, &options).unwrap(), Atlas::onto(&map, atlas, &options).unwrap());
+    for (own, drawn) in own.parts.iter().zip(&drawn.parts) {
+        assert_eq!((&own.name, own.frame), (&drawn.name, drawn.frame));
+        assert!((drawn.fill() / own.fill() - 1.0).abs() < 0.15, "{} and {}", drawn.fill(), own.fill());
+    }
+    let chart = &drawn.parts[0].charts[0];
+    let [width, height] = drawn.parts[0].frame.size_px;
+    let (middle, finest) = ([width / 2, height / 2], uv(&map));
+    let point = chart.point(&map, middle[0], middle[1]).unwrap();
+    let at: DVec2 = finest
+        .places(point.face)
+        .map(|place| finest.uv[place])
+        .into_iter()
+        .zip(point.barycentric)
+        .map(|(p, w)| w * p)
+        .sum();
+    assert!(at.distance(own.parts[0].charts[0].centre(middle[0], middle[1])) < 1e-6);
+    // The skin of the other hand comes to the mirrored pixel.
+    let Landmarks::Taxels(rows) = &marks else { unreachable!() };
+    let mirrored =
+        (0..9).map(|k: usize| Landmark { atlas: rows[k / 3 * 3 + 2 - k % 3].atlas, ..rows[k].clone() });
+    let (map, _) = onto(free, atlas, &Landmarks::Taxels(mirrored.collect()), true).unwrap();
+    let drawn = Atlas::onto(&map, atlas, &options).unwrap();
+    let chart = &drawn.parts[0].charts[0];
+    let [column, row] = [width / 3, height / 2];
+    let (finest, point) = (uv(&map), chart.point(&map, column, row).unwrap());
+    let at: DVec2 = finest
+        .places(point.face)
+        .map(|place| finest.uv[place])
+        .into_iter()
+        .zip(point.barycentric)
+        .map(|(p, w)| w * p)
+        .sum();
+    let shown = own.parts[0].charts[0].centre(column, row);
+    assert!(DVec2::new(-at.x, at.y).distance(shown) < 1e-6, "{at} is the mirror image of {shown}");
+    assert!(Atlas::onto(&SkinMap::flat(shapes::lattice(3, 3, 0.01), 1e-3), atlas, &options).is_err());
+}
