@@ -6,6 +6,9 @@
 #[non_exhaustive]
 #[expect(missing_docs, reason = "the messages say what the fields are")]
 pub enum RegistrationError {
+    /// An id that does not name one taxel.
+    #[error("{landmark}: {found} taxels of {whose} have the id {id}; one is needed")]
+    NoTaxel { landmark: String, id: u32, found: usize, whose: String },
     /// A landmark on a seam has several places on the map.
     #[error(
         "{landmark}: taxel {taxel} of {whose} lies on the seam, where the map has two banks; name a taxel beside the seam"

@@ -1,5 +1,7 @@
 //! Which places of two skins are the same, and whether they can be.
 
+use std::collections::HashMap;
+
 use glam::DVec2;
 
 use crate::cut::PlaceId;
@@ -9,7 +11,7 @@ use crate::pyramid::LevelId;
 use crate::registration::RegistrationError;
 use crate::registration::exchange::best_exchange;
 use crate::registration::place::{Placing, Similarity, breadth};
-use crate::skin::PatchId;
+use crate::skin::{PatchId, TaxelId};
 
 /// Fewer landmarks do not determine how a patch is bent: with three, the places of hands are missed by 1.3 to 13 mm.
 pub(super) const FEWEST: usize = 4;
@@ -47,6 +49,40 @@ pub enum Landmarks {
     Taxels(Vec<Landmark>),
     /// The centres of regions that have the same name.
     Regions,
+}
+
+impl Landmarks {
+    /// Pairs of ids: of a taxel of the skin, and of the one of the atlas at the same place. They are called `landmarks[0]`,
+    /// `landmarks[1]`, ... in errors.
+    ///
+    /// # Errors
+    /// If an id is not that of exactly one taxel.
+    pub fn of_ids(map: &SkinMap, atlas: &SkinMap, pairs: &[[TaxelId; 2]]) -> Result<Self, RegistrationError> {
+        let homes = [map, atlas].map(|map| {
+            let mut homes: HashMap<TaxelId, (PatchId, VertexId, usize)> = HashMap::new();
+            for (id, patch) in map.patches.enumerate() {
+                for (taxel, name) in patch.taxels.ids.enumerate() {
+                    homes.entry(*name).or_insert((id, taxel, 0)).2 += 1;
+                }
+            }
+            homes
+        });
+        let landmark = |(number, ids): (usize, &[TaxelId; 2])| {
+            let name = format!("landmarks[{number}]");
+            let of = |side: usize, whose: &str| match homes[side].get(&ids[side]) {
+                Some(&(patch, taxel, 1)) => Ok((patch, taxel)),
+                found => Err(RegistrationError::NoTaxel {
+                    landmark: name.clone(),
+                    id: ids[side].0,
+                    found: found.map_or(0, |(.., count)| *count),
+                    whose: whose.to_owned(),
+                }),
+            };
+            let (taxel, atlas) = (of(0, "the skin")?, of(1, "the atlas")?);
+            Ok(Landmark { name, taxel, atlas })
+        };
+        Ok(Self::Taxels(pairs.iter().enumerate().map(landmark).collect::<Result<_, _>>()?))
+    }
 }
 
 /// A landmark of a patch: a place of its map, and where it comes to.

@@ -95,6 +95,29 @@ pub struct RegisteredPatch {
     pub steps: u32,
 }
 
+impl Registered {
+    /// What was left out, in sentences.
+    pub fn remarks(&self) -> Vec<String> {
+        let missing = self.left_out.iter().map(|(patch, found)| {
+            format!(
+                "{patch}: left out: it has {found} landmarks, and four are needed to place it on the atlas"
+            )
+        });
+        let of_patch = |patch: &RegisteredPatch| {
+            let RegisteredPatch { name, atlas, elsewhere, folding, .. } = patch;
+            let most = |names: String| {
+                format!(
+                    "{name}: left out {names}: most landmarks lie in patch {atlas} of the atlas, not these"
+                )
+            };
+            let folds = |names: String| format!("{name}: left out {names}: with them the map would fold");
+            let some = |names: &[String]| (!names.is_empty()).then(|| names.join(", "));
+            some(elsewhere).map(most).into_iter().chain(some(folding).map(folds)).collect::<Vec<_>>()
+        };
+        missing.chain(self.patches.iter().flat_map(of_patch)).collect()
+    }
+}
+
 /// Draws a map on that of another skin, in place. If it is mirrored, the skin is that of the other hand: it lies on the
 /// mirror image of the atlas, so that its faces stay upright.
 ///

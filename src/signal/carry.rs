@@ -151,10 +151,18 @@ impl Carry {
         self.unreached
     }
 
-    /// The weights: for each taxel of the second map, in the order of its patches, numbers of taxels of the first with
-    /// the shares of their readings. The shares of a taxel of the first map sum to one, or there are none.
-    pub fn rows(&self) -> impl ExactSizeIterator<Item = &[(u32, f64)]> {
-        self.members.iter()
+    /// The weights of readings: for each taxel of the second map, in the order of its patches, numbers of taxels of the
+    /// first. Those of amounts sum to one for each taxel of the first map, those of averages for each of the second; or
+    /// there are none.
+    pub fn weights(&self, quantity: Quantity) -> impl Iterator<Item = Vec<(u32, f64)>> {
+        self.members.iter().map(move |members| {
+            if quantity == Quantity::Extensive {
+                return members.to_vec();
+            }
+            let by_area = members.iter().map(|&(i, share)| (i, share * self.areas[i as usize]));
+            let total: f64 = by_area.clone().map(|(_, weight)| weight).sum();
+            by_area.map(|(i, weight)| (i, weight / total)).collect()
+        })
     }
 
     /// Carries the readings of one channel: those of the taxels of the first map to those of the second, both in the

@@ -1,18 +1,21 @@
 //! `build`: from a skin to its maps.
 
-use std::{path::PathBuf, sync::Arc};
+use std::{ffi::CString, path::PathBuf, sync::Arc};
 
 use dermatome::{
-    Skin,
-    io::map_to_bytes,
-    pipeline::{BuildOptions, MagnifyOver, build_with},
+    Skin, SkinMap,
+    io::{map_hash, map_to_bytes, read_landmarks},
+    pipeline::{BuildOptions, Built, MagnifyOver, build_with},
     pyramid::CoarsenOptions,
+    registration::{Landmarks, Onto},
     run::{Progress, Stage},
+    skin::TaxelId,
 };
-use pyo3::prelude::*;
+use pyo3::{exceptions::PyUserWarning, prelude::*};
 
 use crate::{
     arguments::arg,
+    arrays::pairs,
     errors::{bad, error},
     jobs::{Stop, run},
     map::PyMap,
@@ -62,6 +65,14 @@ use crate::{
 /// acuity : (N,) array_like, optional
 ///     How many times finer the fields are at each taxel of the skin, and lengths on the map longer, than elsewhere, as at
 ///     fingertips; 0.01 to 100.
+/// atlas : Map, optional
+///     Draw the map on that of another skin, so that both have the same pixels; needs landmarks.
+/// landmarks : (k, 2) array_like of int, str or os.PathLike, optional
+///     What is the same on both skins: ids of taxels of the skin and of the atlas, a file with columns
+///     taxel_id,atlas_taxel_id, or "regions" for the centres of regions of one name; four or more in each patch. What is left
+///     out is said by a UserWarning.
+/// mirror : bool
+///     The skin is that of the other hand: draw it on the mirror image of the atlas.
 /// threads : int
 ///     0 for one per processor. The result does not depend on it.
 /// progress : callable, optional
@@ -92,7 +103,8 @@ use crate::{
 #[pyfunction]
 #[pyo3(signature = (skin, *, ratio=None, levels=None, coarsest=32, method="intrinsic", energy="sum", angle=1.0,
     area=1.0, perimeter=0.0, magnify=0.0, magnify_over="skin", overlap="prevent", boundary="free", cut=None,
-    max_area_ratio=None, seam_side=None, across=None, pixel=None, keep_going=false, acuity=None, threads=0, progress=None))]
+    max_area_ratio=None, seam_side=None, across=None, pixel=None, keep_going=false, acuity=None,
+    atlas=None, landmarks=None, mirror=false, threads=0, progress=None))]
 #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
 pub(crate) fn build(
     py: Python<'_>,
@@ -116,6 +128,9 @@ pub(crate) fn build(
     #[pyo3(from_py_with = arg)] pixel: Option<f64>,
     #[pyo3(from_py_with = arg)] keep_going: bool,
     acuity: Option<&Bound<'_, PyAny>>,
+    atlas: Option<&Bound<'_, PyAny>>,
+    landmarks: Option<&Bound<'_, PyAny>>,
+    #[pyo3(from_py_with = arg)] mirror: bool,
     #[pyo3(from_py_with = arg)] threads: i64,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<PyMap> {
@@ -172,12 +187,22 @@ pub(crate) fn build(
         let raised = Python::attach(|py| progress.call1(py, (stage, told.done, told.total)).err());
         raised.into_iter().for_each(|exception| stop.raise(exception));
     };
-    let map = run(py, count("threads", threads)?, move |stop| -> Result<PyMap, dermatome::Error> {
-        let built = build_with(&skin, &options, stop.run().telling(&|told| tell(told, stop)))?;
+    let onto = on_atlas(atlas, landmarks, mirror)?;
+    let made = run(py, count("threads", threads)?, move |stop| -> Result<_, dermatome::Error> {
+        let mut built = build_with(&skin, &options, stop.run().telling(&|told| tell(told, stop)))?;
+        let remarks = match onto {
+            Some(onto) => onto.register(&mut built, &skin, &options)?,
+            None => Vec::new(),
+        };
         // What a file holds, so that a map is the same whether it was built, read or unpickled.
-        Ok(PyMap::of_file(map_to_bytes(&built.map)?)?)
+        Ok((PyMap::of_file(map_to_bytes(&built.map)?)?, remarks))
     })?;
-    map.map_err(error)
+    let (map, remarks) = made.map_err(error)?;
+    for remark in remarks {
+        let text = CString::new(remark.replace('\0', " ")).unwrap_or_default();
+        PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, 1)?;
+    }
+    Ok(map)
 }
 
 /// A skin with other acuities.
@@ -189,4 +214,64 @@ fn with_acuity(skin: &Skin, acuity: &Bound<'_, PyAny>) -> PyResult<Skin> {
         patch.taxels.acuities = Some(acuities.by_ref().take(patch.taxels.ids.len()).collect());
     }
     Ok(skin)
+}
+
+/// The map of another skin that a map is drawn on.
+struct OnAtlas {
+    atlas: Arc<SkinMap>,
+    landmarks: LandmarksArg,
+    is_mirrored: bool,
+}
+
+enum LandmarksArg {
+    Regions,
+    File(PathBuf),
+    Ids(Vec<[TaxelId; 2]>),
+}
+
+/// The atlas of the arguments, if there is one.
+fn on_atlas(
+    atlas: Option<&Bound<'_, PyAny>>,
+    landmarks: Option<&Bound<'_, PyAny>>,
+    is_mirrored: bool,
+) -> PyResult<Option<OnAtlas>> {
+    let (atlas, landmarks) = match (atlas, landmarks) {
+        (Some(atlas), Some(landmarks)) => (atlas, landmarks),
+        (None, None) if !is_mirrored => return Ok(None),
+        (None, None) => return Err(bad("mirror", "True without an atlas", "the atlas, too")),
+        (Some(_), None) => return Err(bad("landmarks", "None", "landmarks on the atlas")),
+        (None, Some(_)) => return Err(bad("atlas", "None", "the map that the landmarks lie on")),
+    };
+    let Ok(atlas) = atlas.cast::<PyMap>() else {
+        return Err(bad("atlas", atlas.get_type().name()?, "a Map: dermatome.Map.read reads a file"));
+    };
+    let landmarks = match landmarks.extract::<PathBuf>() {
+        Ok(word) if word.as_os_str() == "regions" => LandmarksArg::Regions,
+        Ok(path) => LandmarksArg::File(path),
+        Err(_) => LandmarksArg::Ids(
+            pairs("landmarks", landmarks)?.into_iter().map(|pair| pair.map(TaxelId)).collect(),
+        ),
+    };
+    Ok(Some(OnAtlas { atlas: Arc::clone(&atlas.get().map), landmarks, is_mirrored }))
+}
+
+impl OnAtlas {
+    /// Draws a map that was built on the atlas; returns what was left out.
+    fn register(
+        &self,
+        built: &mut Built,
+        skin: &Skin,
+        options: &BuildOptions,
+    ) -> Result<Vec<String>, dermatome::Error> {
+        let atlas = &*self.atlas;
+        let landmarks = match &self.landmarks {
+            LandmarksArg::Regions => Landmarks::Regions,
+            LandmarksArg::File(path) => Landmarks::Taxels(read_landmarks(path, &built.map, atlas)?.rows),
+            LandmarksArg::Ids(pairs) => Landmarks::of_ids(&built.map, atlas, pairs)?,
+        };
+        let name = atlas.patches.iter().next().map_or("", |patch| &patch.name);
+        let (hash, is_mirrored) = (map_hash(atlas)?, self.is_mirrored);
+        let onto = Onto { atlas, name, hash, landmarks: &landmarks, is_mirrored };
+        Ok(built.register(skin, options, &onto)?.remarks())
+    }
 }

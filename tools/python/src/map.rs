@@ -2,6 +2,7 @@
 
 use std::{
     collections::{HashMap, hash_map::DefaultHasher},
+    ffi::CString,
     fs,
     hash::{Hash, Hasher},
     io::Write,
@@ -15,17 +16,18 @@ use dermatome::{
     id::VertexId,
     io::{
         ExportOptions, IoError, export_map, file_kind, map_from_bytes, map_to_bytes, read_map, read_regions,
-        replace_file,
+        replace_file, share_plane,
     },
     map::{FieldRegions, PatchMap},
     pyramid::LevelId,
     report::measure,
-    signal::GroupPool,
+    signal::{Carry, GroupPool, Quantity},
     skin::{PatchId, Presence},
 };
 use glam::DVec3;
 use numpy::{PyArray1, PyArray2, PyArrayDyn};
 use pyo3::{
+    exceptions::PyUserWarning,
     prelude::*,
     types::{PyBytes, PyDict, PyMapping, PyTuple},
 };
@@ -37,7 +39,7 @@ use crate::{
     index::PyIndex,
     jobs::run,
     level::PyPatch,
-    matrix::PyMatrix,
+    matrix::{PyMatrix, Rows},
     options::{Extensive, PackArg, count, level},
     plot::{PlotArgs, PyPicture},
     pool::{FieldArrays, Pooling, body_level, fields_of, pool_body, pool_groups, pooling_of, starts},
@@ -443,6 +445,85 @@ impl PyMap {
         pool_groups(py, &self.map, values, &GroupPool::new(&self.map, groups, count), extensive)
     }
 
+    /// dict or None: The map of another skin that this one is drawn on: its "name" and "hash", and whether this one is
+    /// "mirrored"; None for a free map.
+    #[getter]
+    fn atlas<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        let Some(on) = &self.map.atlas else { return Ok(None) };
+        let atlas = PyDict::new(py);
+        atlas.set_item("name", &on.name)?;
+        atlas.set_item("hash", format!("{:016x}", on.hash))?;
+        atlas.set_item("mirrored", on.is_mirrored)?;
+        Ok(Some(atlas))
+    }
+
+    /// Make the matrix that carries readings to the taxels of another skin on the same atlas.
+    ///
+    /// One map is drawn on the other, or both on a third. Taxels that lie off the other skin are said by a UserWarning, as
+    /// are taxels of the other skin where none of this one lies: their row is empty.
+    ///
+    /// Parameters
+    /// ----------
+    /// other : Map
+    ///     The map of the other skin.
+    /// extensive : bool
+    ///     Whether readings are amounts, as forces, whose sum is kept; or averages, as pressures, whose mean by area is.
+    ///
+    /// Returns
+    /// -------
+    /// Matrix
+    ///     A row for each taxel of the other skin, a column for each of this one, both in the order of their maps.
+    ///
+    /// Raises
+    /// ------
+    /// DataError
+    ///     If the maps are drawn on different ones.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import dermatome
+    /// >>> grid = [[0.005 * x, 0.005 * y, 0] for y in range(12) for x in range(9)]
+    /// >>> palm = dermatome.build(dermatome.Skin.from_arrays(grid, patch="palm"))
+    /// >>> palm.carry_to(palm, extensive=True).shape
+    /// (108, 108)
+    #[pyo3(signature = (other, *, extensive=false))]
+    fn carry_to(
+        &self,
+        py: Python<'_>,
+        other: &Bound<'_, PyAny>,
+        #[pyo3(from_py_with = arg)] extensive: bool,
+    ) -> PyResult<PyMatrix> {
+        let Ok(other) = other.cast::<PyMap>() else {
+            return Err(bad("other", other.get_type().name()?, "a Map"));
+        };
+        let (from, to) = (Arc::clone(&self.map), Arc::clone(&other.get().map));
+        let taxels: usize = from.patches.iter().map(|patch| patch.taxels.ids.len()).sum();
+        let made = run(py, 0, move |_| -> Result<_, dermatome::Error> {
+            if !share_plane(&from, &to)? {
+                return Ok(None);
+            }
+            Ok(Some(Carry::new(&from, &to)?))
+        })?;
+        let found = "a map that is drawn on another one";
+        let needed = "a map on the same atlas: build(..., atlas=)";
+        let carry = made.map_err(error)?.ok_or_else(|| bad("other", found, needed))?;
+        let (outside, unreached) = (carry.outside().len(), carry.unreached());
+        for (count, what) in [
+            (outside, "taxels lie off the other skin: their readings are left out"),
+            (unreached, "taxels of the other skin have no reading: no taxel of this one lies there"),
+        ] {
+            if count > 0 {
+                let text = CString::new(format!("{count} {what}")).unwrap_or_default();
+                PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, 1)?;
+            }
+        }
+        let mut rows = Rows::new();
+        carry.weights(if extensive { Quantity::Extensive } else { Quantity::Intensive }).for_each(|row| {
+            rows.push(row.into_iter().map(|(taxel, weight)| (taxel as usize, weight)));
+        });
+        Ok(rows.into_matrix(py, taxels))
+    }
+
     /// list of dict: The measures of every patch and level, as `report.json` has them.
     #[getter]
     fn report<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
@@ -660,6 +741,9 @@ impl PyMap {
     ///     The value of pixels where nothing is known; by default NaN.
     /// mask : bool
     ///     Whether images have a channel more, the last: 1 where all others are known, 0 elsewhere.
+    /// atlas : Map, optional
+    ///     Draw on the canvas of this map, with its patches, sizes and pixels: the one that this map is drawn on, or another
+    ///     one on the same.
     ///
     /// Returns
     /// -------
@@ -670,7 +754,7 @@ impl PyMap {
     /// DataError
     ///     If the map has no such level or patch, or size, pixel, channels, pack or fill cannot be used together.
     #[pyo3(signature = (level=0, *, patch=None, channels=None, extensive=None, size=None,
-        pixel=None, pack=None, fill=None, mask=false))]
+        pixel=None, pack=None, fill=None, mask=false, atlas=None))]
     #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
     fn renderer(
         slf: &Bound<'_, Self>,
@@ -683,10 +767,16 @@ impl PyMap {
         #[pyo3(from_py_with = arg)] pack: Option<PackArg>,
         #[pyo3(from_py_with = arg)] fill: Option<f32>,
         #[pyo3(from_py_with = arg)] mask: bool,
+        atlas: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<PyRenderer> {
         let (pack, extensive) = (pack.map(PackArg::read).transpose()?.flatten(), Extensive::read(extensive)?);
         let args = RenderArgs { level, patch, channels, extensive, size, pixel, pack, fill, mask };
-        PyRenderer::new(slf, args)
+        let canvas = match atlas.map(|atlas| (atlas, atlas.cast::<PyMap>())) {
+            None => None,
+            Some((_, Ok(canvas))) => Some(canvas.clone().unbind()),
+            Some((other, Err(_))) => return Err(bad("atlas", other.get_type().name()?, "a Map")),
+        };
+        PyRenderer::new(slf, args, canvas)
     }
 
     /// Draw the maps with their receptive fields, their distortion, or readings.

@@ -7,10 +7,11 @@ use std::{
 
 use dermatome::{
     SkinMap,
-    atlas::{Atlas, AtlasOptions, AtlasPart, Chart, Pack, Resolution},
+    atlas::{Atlas, AtlasOptions, AtlasPart, Pack, Resolution},
     contact::{ContactError, MapPlace},
     id::{IdVec, VertexId},
     image::Renderer,
+    io::share_plane,
     pyramid::LevelId,
     recording::{Batch, BatchImages, Carried},
     signal::Quantity,
@@ -58,6 +59,8 @@ use crate::{
 pub(crate) struct PyRenderer {
     plan: Arc<Plan>,
     map: Py<PyMap>,
+    /// The map whose canvas it draws on, if that is another one.
+    canvas: Option<Py<PyMap>>,
     args: RenderArgs,
     /// tuple of int: Height and width of the images, in pixels.
     #[pyo3(get)]
@@ -165,17 +168,19 @@ impl RenderArgs {
 }
 
 impl PyRenderer {
-    pub(crate) fn new(of: &Bound<'_, PyMap>, args: RenderArgs) -> PyResult<Self> {
+    /// Draws `of`, on the canvas of another map if there is one.
+    pub(crate) fn new(of: &Bound<'_, PyMap>, args: RenderArgs, canvas: Option<Py<PyMap>>) -> PyResult<Self> {
         let (py, map) = (of.py(), of.get());
-        let level = level("level", args.level, map.levels())?;
+        let shown = canvas.as_ref().map_or(map, |canvas| canvas.get());
+        let level = level("level", args.level, shown.levels())?;
         let patch = match &args.patch {
             Some(_) if args.pack.is_some() => return Err(bad("patch", "patch and pack", "one of the two")),
-            Some(name) => Some(map.patch_named(name)?),
-            None if args.pack.is_some() || map.map.patches.len() == 1 => None,
+            Some(name) => Some(shown.patch_named(name)?),
+            None if args.pack.is_some() || shown.map.patches.len() == 1 => None,
             None => {
                 return Err(bad(
                     "patch",
-                    format!("None of {}", map.map.patches.len()),
+                    format!("None of {}", shown.map.patches.len()),
                     "a name, or pack=\"tight\"",
                 ));
             }
@@ -189,11 +194,18 @@ impl PyRenderer {
             (Some(_), Some(_)) => return Err(bad("pixel", "size and pixel", "one of the two")),
         };
         let options = AtlasOptions { resolution, pack: args.pack };
+        // A part is named by its patch, or alone in its level.
+        let name = patch.map(|patch| format!("{}/L{level}", shown.map.patches[patch].name));
+        let onto = canvas.as_ref().map(|canvas| Arc::clone(&canvas.get().map));
         let (map, fill, has_mask) = (Arc::clone(&map.map), args.fill.unwrap_or(f32::NAN), args.mask);
         let plan = run(py, 0, move |_| -> Result<Option<Plan>, dermatome::Error> {
-            let mut atlas = Atlas::new(&map, &options)?;
-            let of_patch = |chart: &Chart| patch.is_none_or(|patch| chart.patch == patch);
-            atlas.parts.retain(|part| part.level == level && part.charts.iter().any(of_patch));
+            let mut atlas = match onto {
+                None => Atlas::new(&map, &options)?,
+                Some(canvas) if share_plane(&map, &canvas)? => Atlas::onto(&map, &canvas, &options)?,
+                Some(_) => return Ok(None),
+            };
+            let is_named = |part: &AtlasPart| name.as_ref().is_none_or(|name| part.name == *name);
+            atlas.parts.retain(|part| part.level == level && is_named(part) && !part.charts.is_empty());
             let taxels: usize = map.patches.iter().map(|patch| patch.taxels.ids.len()).sum();
             let pixels = |[width, height]: [u32; 2]| width as usize * height as usize;
             let size = atlas.parts.first().map(|part| pixels(part.frame.size_px).max(taxels));
@@ -215,14 +227,28 @@ impl PyRenderer {
                 taxel_ids: OnceLock::new(),
             }))
         })?;
-        let needed = "a level that the patch has, and images of less than 2^28 numbers";
+        let needed = match &canvas {
+            None => "a level that the patch has, and images of less than 2^28 numbers",
+            Some(_) => {
+                "an atlas that this map is drawn on, or one on the same, a patch of it that this map covers, and images of \
+                 less than 2^28 numbers"
+            }
+        };
         let found = || format!("level {}, {count} channels", args.level);
         let plan = plan.map_err(error)?.ok_or_else(|| bad("renderer", found(), needed))?;
         let frame = plan.renderer.images()[0].frame;
         let [width, height] = frame.size_px;
         let pixel = (frame.size.y / f64::from(height), frame.size.x / f64::from(width));
         let shape = (height as usize, width as usize);
-        Ok(Self { plan: Arc::new(plan), map: of.clone().unbind(), args, shape, pixel, extensive: kinds })
+        Ok(Self {
+            plan: Arc::new(plan),
+            map: of.clone().unbind(),
+            canvas,
+            args,
+            shape,
+            pixel,
+            extensive: kinds,
+        })
     }
 
     fn map(&self) -> &SkinMap {
@@ -608,6 +634,7 @@ impl PyRenderer {
         options.set_item("pack", pack.map(|pack| if pack == Pack::Body { "body" } else { "tight" }))?;
         options.set_item("fill", fill)?;
         options.set_item("mask", mask)?;
+        options.set_item("atlas", self.canvas.as_ref().map(|canvas| canvas.clone_ref(py)))?;
         made_by(py, "renderer", (self.map.clone_ref(py), options))
     }
 

@@ -104,31 +104,15 @@ fn atlas_name(path: &Path) -> String {
 }
 
 fn note_registered(registered: &Registered, common: &Common) {
-    for (patch, found) in &registered.left_out {
-        let patch = plain(patch);
-        note!(
-            common,
-            "{patch}: left out: it has {found} landmarks, and four are needed to place it on the atlas"
-        );
-    }
+    registered.remarks().iter().for_each(|remark| note!(common, "{}", plain(remark)));
     for patch in &registered.patches {
-        let RegisteredPatch { atlas, landmarks, elsewhere, folding, scale, missed, steps, .. } = patch;
+        let RegisteredPatch { atlas, landmarks, scale, missed, steps, .. } = patch;
         let (name, atlas, missed_mm) = (plain(&patch.name), plain(atlas), 1e3 * missed);
+        let steps = if *steps == 1 { "one step".to_owned() } else { format!("{steps} steps") };
         note!(
             common,
             "{name}: on the atlas patch {atlas} by {landmarks} landmarks, {scale:.3} times as large; they missed it by \
-             {missed_mm:.1} mm before the map was bent, in {steps} steps"
+             {missed_mm:.1} mm before the map was bent, in {steps}"
         );
-        if !elsewhere.is_empty() {
-            let names = elsewhere.join(", ");
-            note!(
-                common,
-                "{name}: left out {names}: most landmarks lie in patch {atlas} of the atlas, not these"
-            );
-        }
-        if !folding.is_empty() {
-            let names = folding.join(", ");
-            note!(common, "{name}: left out {names}: with them the map would fold");
-        }
     }
 }

@@ -253,7 +253,11 @@ class Map(_Made):
         pack: bool | Literal["tight", "body"] | None = None,
         fill: float | None = None,
         mask: bool = False,
+        atlas: Map | None = None,
     ) -> Renderer: ...
+    @property
+    def atlas(self) -> dict[str, Any] | None: ...
+    def carry_to(self, other: Map, *, extensive: bool = False) -> Matrix: ...
     def plot(
         self,
         values: ArrayLike | None = None,
@@ -342,6 +346,9 @@ def build(
     pixel: float | None = None,
     keep_going: bool = False,
     acuity: ArrayLike | None = None,
+    atlas: Map | None = None,
+    landmarks: ArrayLike | _Path | None = None,
+    mirror: bool = False,
     threads: int = 0,
     progress: Callable[[str, int, int], object] | None = None,
 ) -> Map: ...
