@@ -90,6 +90,7 @@ fn every_object_keeps_to_its_schema() {
     fs::write(at.join("d.csv"), format!("taxel_id,x,y,z,module\n{drawn}")).unwrap();
     keep("bodies", &run(at, "calibrate p.csv --cad d.csv --fit-probe --folds 2 -o b.csv --json"));
     keep("touches", &run(at, "touches log.csv -o contacts.csv --json"));
+    keep("carry", &run(at, "carry map/map.glb r.csv --to map/map.glb -o carried.csv --json"));
     keep("check", &run(at, "check two.obj --json"));
     keep("coarsen", &run(at, "coarsen ring.obj -o c.glb --json"));
     keep("design", &run(at, "design cap.glb -o d --module triangle:15mm --bend-radius 20mm --json"));

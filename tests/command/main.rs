@@ -2,6 +2,7 @@
 
 #[path = "../library/altered.rs"]
 mod altered;
+mod atlas;
 mod bare;
 mod bodies;
 mod body;

@@ -32,7 +32,7 @@ NOTEBOOKS = sorted((ROOT / "tools" / "python" / "examples").glob("*.ipynb"))
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     (tmp_path / "meshes").mkdir()
-    for name in ("forearm.glb", "arm.urdf"):
+    for name in ("forearm.glb", "arm.urdf", "hand.glb", "robot_hand.glb", "robot_hand_landmarks.csv"):
         shutil.copy(ROOT / "meshes" / name, tmp_path / "meshes")
     if SAMPLES.is_dir():
         for name, sample in {"layouts": "layouts", "lerobot_v3": "lerobot_v3", "bag": "ros/bag_sqlite"}.items():
@@ -88,7 +88,7 @@ def run(blocks, page):
             exec(compile(block, page, "exec"), names)
 
 
-@pytest.mark.parametrize("page", ["README.md", "docs/python.md", "docs/behaviours.md"])
+@pytest.mark.parametrize("page", ["README.md", "docs/python.md", "docs/behaviours.md", "docs/atlas.md"])
 def test_blocks_run(page, folder, ros):
     text = (ROOT / page).read_text()
     blocks = [block for block in re.findall(r"```python\n(.*?)```", text, re.DOTALL) if "touch.npz" not in block]
