@@ -87,16 +87,11 @@ fn between_patches(
                 let along = (rest.positions[b] - rest.positions[a]).normalize_or_zero();
                 let is_flat = |k: usize| along.dot(rest.normals[k]).abs() < STEEPEST;
                 let is_like = rest.normals[a].dot(rest.normals[b]) > 0.0;
-                // Two layers at one place have no gap.
-                if !(is_like && is_flat(a) && is_flat(b)) || (is_on_sheet(a, b) && is_on_sheet(b, a)) {
+                if !(is_like && is_flat(a) && is_flat(b)) || !rest.is_alone([a, b], &tree) {
                     continue;
                 }
-                let in_ball = |middle: DVec3, radius: f64| {
-                    let mut found: Vec<(u32, f64)> = Vec::new();
-                    tree.within(middle, radius, &mut found);
-                    found.into_iter().map(|(k, _)| k).collect()
-                };
-                if rest.is_alone([a, b], in_ball) {
+                // Two layers at one place have no gap.
+                if !(is_on_sheet(a, b) && is_on_sheet(b, a)) {
                     out.push([a.min(b), a.max(b)]);
                 }
             }

@@ -1,8 +1,11 @@
 //! All taxels of a skin in the world, as the links are at rest.
 
+use std::ops::ControlFlow;
+
 use glam::DVec3;
 
 use crate::body::BodyTaxel;
+use crate::bvh::PointTree;
 use crate::mesh::neighbours;
 use crate::numeric::Csr;
 use crate::skin::{LinkId, PatchId, Skin, world_pose};
@@ -52,15 +55,15 @@ impl Rest {
         self.starts[patch.index()]
     }
 
-    /// Whether no taxel but these two, with a normal like theirs, lies in the ball over the segment between them; `near`
-    /// lists the taxels in a ball.
-    pub(super) fn is_alone(&self, [a, b]: [usize; 2], near: impl FnOnce(DVec3, f64) -> Vec<u32>) -> bool {
+    /// Whether no taxel but these two, with a normal like theirs, lies in the ball over the segment between them; `tree`
+    /// has all taxels.
+    pub(super) fn is_alone(&self, [a, b]: [usize; 2], tree: &PointTree) -> bool {
         /// Of the radius: those on the ball do not count, as in a lattice.
         const INSIDE: f64 = 0.999;
         let middle = 0.5 * (self.positions[a] + self.positions[b]);
         let radius = INSIDE * 0.5 * self.positions[a].distance(self.positions[b]);
         let normal = self.normals[a] + self.normals[b];
-        let is_between = |&k: &u32| {
+        let is_between = |k: u32| {
             let k = k as usize;
             k != a
                 && k != b
@@ -68,8 +71,10 @@ impl Rest {
                 && self.normals[k].dot(normal) > 0.0
         };
         // Mostly it is a neighbour of one of them.
-        let next = self.neighbours[a].iter().chain(&self.neighbours[b]);
-        !next.into_iter().any(is_between) && !near(middle, radius).iter().any(is_between)
+        let mut next = self.neighbours[a].iter().chain(&self.neighbours[b]);
+        let until_between =
+            |k, _| if is_between(k) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
+        !next.any(|&k| is_between(k)) && tree.each_within(middle, radius, until_between).is_continue()
     }
 }
 

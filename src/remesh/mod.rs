@@ -4,7 +4,7 @@
 //! with nearly equilateral triangles, a given spacing apart, as taxels are arranged `(cannata)`: edges that are
 //! too long are split, those that are too short collapsed, the others flipped until vertices have six
 //! neighbours, and vertices moved to the centre of their neighbours and back to the surface, in rounds
-//! `(botsch2004)`.
+//! `(botsch2004)`. Before, needles of the surface are divided along their sides.
 //!
 //! Sharp edges (of more than 40 degrees) and rims are preserved: their vertices move only along them, and
 //! their corners not at all. Those nearer to each other than half the spacing are details, and may merge.
@@ -26,6 +26,7 @@ mod joints;
 mod lost;
 mod moves;
 mod necks;
+mod needles;
 mod outer;
 mod rounds;
 mod seen;
@@ -168,6 +169,7 @@ fn cover(mesh: &TriMesh, spacing: f64) -> Result<Covered, RemeshError> {
     let lines = Surface::of_segments(&rounds.positions, &segments);
     rounds.lines = lines.as_ref();
     rounds.freedom = freedoms(&rounds);
+    rounds.divide_needles();
     rounds.split_surface();
     run_rounds(&rounds)
 }

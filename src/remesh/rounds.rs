@@ -173,7 +173,7 @@ impl Rounds<'_> {
     }
 
     /// The edges of living faces, each by one of its halfedges.
-    fn edges(&self) -> impl Iterator<Item = Halfedge> {
+    pub(super) fn edges(&self) -> impl Iterator<Item = Halfedge> {
         self.mesh.halfedges().filter(|&h| self.mesh.is_edge(h))
     }
 

@@ -1,6 +1,7 @@
 //! [`PointTree`]: the nearest few of many points, and all within a sphere.
 
 use std::cmp::Ordering;
+use std::ops::ControlFlow;
 
 use glam::DVec3;
 
@@ -139,24 +140,39 @@ impl PointTree {
 
     /// Appends every point in a sphere with its distance from the centre, in the order of the points.
     pub fn within<I: Id>(&self, centre: DVec3, radius: f64, found: &mut Vec<(I, f64)>) {
-        let Some(tree) = &self.tree else { return };
         let before = found.len();
+        let _ = self.each_within(centre, radius, |id, distance| {
+            found.push((id, distance));
+            ControlFlow::Continue(())
+        });
+        found[before..].sort_unstable_by_key(|&(id, _)| id);
+    }
+
+    /// Calls `visit` with every point in a sphere and its distance from the centre, near ones first, approximately, until
+    /// it breaks.
+    pub fn each_within<I: Id>(
+        &self,
+        centre: DVec3,
+        radius: f64,
+        mut visit: impl FnMut(I, f64) -> ControlFlow<()>,
+    ) -> ControlFlow<()> {
+        let Some(tree) = &self.tree else { return ControlFlow::Continue(()) };
         let local = self.scaling.point(centre);
         let bound = radius * self.scaling.scale * FAR_ROUND_UP;
+        let mut flow = ControlFlow::Continue(());
         tree.walk(
             bound,
             |node| node.point_gaps(local),
             |packet| {
-                for id in distinct(packet) {
+                flow = distinct(packet).try_for_each(|id| {
                     let distance = self.points[id as usize].distance(centre);
-                    if distance <= radius {
-                        found.push((I::from(id), distance));
-                    }
-                }
-                bound
+                    if distance <= radius { visit(I::from(id), distance) } else { ControlFlow::Continue(()) }
+                });
+                // No node is as near, so the walk ends.
+                if flow.is_break() { f64::NEG_INFINITY } else { bound }
             },
         );
-        found[before..].sort_unstable_by_key(|&(id, _)| id);
+        flow
     }
 }
 
@@ -279,6 +295,16 @@ mod tests {
                 found.clear();
                 tree.within(q, radius, &mut found);
                 prop_assert_eq!(&found, &expected);
+
+                // Points are visited until one that is wanted.
+                let is_wanted = |k: u32| k % 7 == 3;
+                let mut visited = Vec::new();
+                let flow = tree.each_within(q, radius, |k: u32, _| {
+                    visited.push(k);
+                    if is_wanted(k) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+                });
+                prop_assert_eq!(flow.is_break(), expected.iter().any(|&(k, _)| is_wanted(k)));
+                prop_assert_eq!(visited.iter().filter(|k| is_wanted(**k)).count(), usize::from(flow.is_break()));
             }
         }
     }
