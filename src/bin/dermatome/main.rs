@@ -223,7 +223,7 @@ mod tests {
     }
 
     /// Values of options that have no list of words and no default, by the name of their value.
-    const SOUND: [(&str, &str); 41] = [
+    const SOUND: [(&str, &str); 42] = [
         ("A4|A3|W,H", "A3"),
         ("AZIMUTH,ELEVATION", "-65,-45"),
         ("D", "5"),
@@ -250,6 +250,7 @@ mod tests {
         ("MODULE", "triangle:32mm"),
         ("N", "3"),
         ("NAME=DIR", "a=."),
+        ("NAME=VALUE,...", "late-ms=40"),
         ("PERCENT", "5"),
         ("PX", "600"),
         ("R", "3"),
