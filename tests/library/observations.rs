@@ -65,11 +65,11 @@ fn touches_of_contacts_go_into_a_table_and_come_back() {
     assert!(remarks.is_empty(), "{remarks:?}");
     let probe = Some(DQuat::from_xyzw(0.6, 0.0, 0.0, 0.8));
     let body = Some(TouchingBody { centre: DVec3::new(1.0, 2.0, 3.0), radius: 0.01 });
-    let path = Some(DVec3::new(0.0, 0.0, 0.003));
+    let way = Some(DVec3::new(0.0, 0.0, 0.003));
     let rows: Vec<TouchRow> = observations.touches.iter().copied().collect();
     assert_eq!(
         rows[0],
-        TouchRow { touch: Some(3), contact: Some(9), weight: 1.0, probe, body, outward: None, path }
+        TouchRow { touch: Some(3), contact: Some(9), weight: 1.0, probe, body, outward: None, path: way }
     );
     assert_eq!((rows[1].weight, rows[1].probe), (0.25, Some(DQuat::IDENTITY)));
     let copy = folder.path().join("b.csv");
