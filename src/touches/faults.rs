@@ -218,8 +218,9 @@ mod tests {
     fn wrong_ids_are_those_of_other_taxels() {
         let log = clean();
         let found = LogFaults { wrong_ids: 0.25, seed: 3, ..LogFaults::default() }.apply(&log).unwrap();
-        let count = (0.25 * numbers(&log).len() as f64).round() as usize;
-        assert_eq!((found.wrong_ids.len(), found.wrong_places.len()), (count, 0));
+        let (wrong, all) = (found.wrong_ids.len() as f64, numbers(&log).len() as f64);
+        assert!((wrong - 0.25 * all).abs() <= 0.5, "{wrong} of {all} touches");
+        assert!(found.wrong_places.is_empty());
         let mut changed = BTreeSet::new();
         for (before, after) in log.frames.iter().zip(&found.log.frames) {
             assert_eq!(readings(before), readings(after));

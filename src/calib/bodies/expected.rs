@@ -214,7 +214,6 @@ mod tests {
             let total: f64 = weights.iter().sum();
             let mean = weights.iter().zip(&positions).map(|(w, &x)| *w * x).sum::<DVec3>() / total;
             let (seen, found) = (centre - mean, press(centre, DVec3::ZERO).expected(&taxels));
-            println!("{x} mm: off by {:.3} mm, expected {:.3} mm", 1e3 * seen.x, 1e3 * found.x);
             worst = worst.max((seen - found).truncate().length());
         }
         assert!(worst < 1e-4, "{worst} m");
@@ -274,7 +273,6 @@ mod tests {
             (squares.sum::<f64>() / 36.0).sqrt()
         };
         let (without, with) = (rmse(None), rmse(Some(DVec3::ZERO)));
-        println!("without {:.3} mm, with {:.3} mm", 1e3 * without, 1e3 * with);
         assert!(with < 0.4 * without, "{with} m, without {without} m");
     }
 }
