@@ -42,6 +42,9 @@ pub struct TouchContact {
     /// The direction in which the readings of the touch fell as the body moved, which is outwards; its length is in standard
     /// deviations, 0 where the touch does not tell. `None` if the log has no readings.
     pub outward: Option<DVec3>,
+    /// The path of the body in the touch, in the frame of the link: the direction along which its positions differ most, its length
+    /// their standard deviation, in m. `None` if the log has no readings.
+    pub path: Option<DVec3>,
 }
 
 /// Contacts, and how they were found.
@@ -74,6 +77,7 @@ impl TouchContacts {
                 probe: contact.body_rotation,
                 body: contact.body,
                 outward: contact.outward,
+                path: contact.path,
             });
         }
         observations
@@ -119,6 +123,8 @@ struct Group<'a> {
 struct TouchMean {
     weight: f64,
     centre: DVec3,
+    /// The columns of the sum of `c c^T`, `c` the centre.
+    squares: [DVec3; 3],
     radius: f64,
     rotation: Option<DQuat>,
     is_plane: bool,
@@ -130,6 +136,18 @@ impl TouchMean {
         let is_known = !self.is_plane && self.weight > 0.0;
         let share = self.weight.recip();
         is_known.then(|| TouchingBody { centre: share * self.centre, radius: share * self.radius })
+    }
+
+    /// The direction along which the centres differ most, and their standard deviation.
+    fn path(&self) -> DVec3 {
+        let c = self.centre / self.weight;
+        let spread: [[f64; 3]; 3] =
+            std::array::from_fn(|k| (self.squares[k] / self.weight - c[k] * c).to_array());
+        let (values, vectors) = symmetric_eigen(&spread);
+        let along =
+            |k: usize| values[k].max(0.0).sqrt() * DVec3::from_array([0, 1, 2].map(|row| vectors[row][k]));
+        let longer = |a: DVec3, b: DVec3| if a.length_squared() < b.length_squared() { b } else { a };
+        longer(longer(along(0), along(1)), along(2))
     }
 }
 
@@ -213,6 +231,9 @@ impl Rows<'_> {
             let (mean, frame) = (&mut means[sample.touch], &self.log.frames[sample.frame]);
             mean.weight += sample.reading;
             mean.centre += sample.reading * sample.centre;
+            for (column, x) in mean.squares.iter_mut().zip(sample.centre.to_array()) {
+                *column += sample.reading * x * sample.centre;
+            }
             mean.radius += sample.reading * sample.radius;
             mean.is_plane |= sample.plane.is_some();
             if let Some(q) = frame.body_rotation {
@@ -246,6 +267,7 @@ impl Rows<'_> {
             body_rotation: mean.rotation.map(DQuat::normalize),
             body: mean.body(),
             outward: self.log.has_readings.then_some(mean.outward),
+            path: self.log.has_readings.then(|| mean.path()),
         }
     }
 

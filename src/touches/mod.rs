@@ -29,7 +29,7 @@
 //! Without readings, or without the radius of the body, steps 3 to 5 are left out: a contact is the mean of the
 //! positions of the body.
 //!
-//! [`simulate_arm`] makes logs with a known truth. Not modelled: friction, the response of taxels that is not a straight
+//! [`simulate_arm`] makes logs with a known truth, and [`LogFaults`] makes them wrong as real ones are. Not modelled: friction, the response of taxels that is not a straight
 //! line, errors that a frame has in common for several taxels.
 
 mod arm;
@@ -39,6 +39,7 @@ mod drawing;
 mod error;
 mod estimate;
 mod examine;
+mod faults;
 mod fit;
 mod gather;
 mod log;
@@ -55,6 +56,7 @@ pub use contacts::{TouchContact, TouchContacts, TouchesSummary};
 pub use drawing::Drawing;
 pub use error::TouchesError;
 pub use examine::{LogFinding, LogFindingKind, LogReport, examine_log};
+pub use faults::{FaultyLog, LogFaults};
 pub use log::{TouchBody, TouchFrame, TouchLog};
 pub use options::TouchesOptions;
 pub use rows::{LogOfRows, PoseAt, RowSources, TouchReadings, TouchRow, log_of_rows, pose_in_motion};

@@ -314,6 +314,53 @@ fn broken_logs_are_refused() {
     refuses(folder, "simulate --arm --force-n 1e9 -o log.csv", &["0.9 of its radius"]);
 }
 
+/// Faults change the columns of which they speak, and name the touches; the same seed gives the same bytes.
+#[test]
+fn a_log_can_have_the_faults_of_real_ones() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let simulate = "simulate --arm --taxels 40 --seed 3";
+    notes(folder, &format!("{simulate} -o clean.csv"), &["40 taxels"]);
+    let clean = table(&folder.join("clean.csv"));
+    for (fault, columns, said) in [
+        ("ids-percent=10", &["taxels"][..], "wrong ids in the touches "),
+        ("places-percent=10", &["x", "y", "z"], "wrong places in the touches "),
+        ("radius-percent=5", &["radius"], "40 taxels"),
+    ] {
+        notes(folder, &format!("{simulate} --fault {fault} -o log.csv"), &[said]);
+        let faulty = table(&folder.join("log.csv"));
+        assert_eq!(clean.len(), faulty.len(), "{fault}");
+        let mut changed: Vec<&str> = Vec::new();
+        for (before, after) in clean.iter().zip(&faulty) {
+            changed.extend(before.keys().filter(|name| before[*name] != after[*name]).map(String::as_str));
+        }
+        changed.sort_unstable();
+        changed.dedup();
+        assert_eq!(changed, columns, "{fault}");
+        let bytes = fs::read(folder.join("log.csv")).unwrap();
+        notes(folder, &format!("{simulate} --fault {fault} -o log.csv"), &[said]);
+        assert_eq!(bytes, fs::read(folder.join("log.csv")).unwrap(), "{fault}");
+    }
+    // 40 ms of a line of some seconds: fewer rows, each with the readings of a clean one.
+    notes(folder, &format!("{simulate} --fault late-ms=40 -o log.csv"), &["40 taxels"]);
+    let late = table(&folder.join("log.csv"));
+    assert!(late.len() < clean.len() && 2 * late.len() > clean.len(), "{} of {}", late.len(), clean.len());
+    assert!(late.iter().all(|row| clean.iter().any(|other| other["taxels"] == row["taxels"])));
+    for (fault, said) in [
+        ("late-ms", "a name and a number"),
+        ("late=4", "names are late-ms, ids-percent, places-percent, radius-percent"),
+        ("late-ms=nan", "a name and a number"),
+        ("late-ms=4,late-ms=5", "late-ms comes twice"),
+        ("late-ms=2000", "the delay of the readings in s is 2"),
+        ("ids-percent=101", "the share of touches with wrong ids is 1.01"),
+        ("radius-percent=-100", "the error of the radius"),
+    ] {
+        refuses(folder, &format!("{simulate} --fault {fault} -o none.csv"), &[said]);
+        assert!(!folder.join("none.csv").exists(), "{fault}");
+    }
+    refuses(folder, "simulate --fault late-ms=4 -o none.g2o", &["--arm"]);
+}
+
 /// Real self-touches: active taxels without readings, a body of unknown size, contacts that are repeated, and its
 /// orientation.
 #[test]

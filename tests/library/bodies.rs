@@ -225,6 +225,7 @@ fn touches(
                         probe: Some(orientation),
                         body: None,
                         outward: None,
+                        path: None,
                     });
                 }
                 number += 1;

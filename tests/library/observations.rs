@@ -57,17 +57,19 @@ fn simulated_graphs_come_back_bit_by_bit() {
 /// Touches come back with their contacts; a table has the same columns in every row.
 #[test]
 fn touches_of_contacts_go_into_a_table_and_come_back() {
-    let text = "i,x,y,z,touch,contact,weight,qx,qy,qz,qw,px,py,pz,radius,sigma\n\
-                5,0.1,0,0,3,9,1,0.6,0,0,0.8,1,2,3,0.01,0.5\n7,0.2,0,0,3,9,0.25,0,0,0,1,1,2,3,0.01,0.5\n";
+    let text = "i,x,y,z,touch,contact,weight,qx,qy,qz,qw,px,py,pz,radius,pathx,pathy,pathz,sigma\n\
+                5,0.1,0,0,3,9,1,0.6,0,0,0.8,1,2,3,0.01,0,0,0.003,0.5\n\
+                7,0.2,0,0,3,9,0.25,0,0,0,1,1,2,3,0.01,0,0,0.003,0.5\n";
     let (folder, path) = file("a.csv", text);
     let (mut observations, remarks) = read_observations(&path, &[]).unwrap();
     assert!(remarks.is_empty(), "{remarks:?}");
     let probe = Some(DQuat::from_xyzw(0.6, 0.0, 0.0, 0.8));
     let body = Some(TouchingBody { centre: DVec3::new(1.0, 2.0, 3.0), radius: 0.01 });
+    let way = Some(DVec3::new(0.0, 0.0, 0.003));
     let rows: Vec<TouchRow> = observations.touches.iter().copied().collect();
     assert_eq!(
         rows[0],
-        TouchRow { touch: Some(3), contact: Some(9), weight: 1.0, probe, body, outward: None }
+        TouchRow { touch: Some(3), contact: Some(9), weight: 1.0, probe, body, outward: None, path: way }
     );
     assert_eq!((rows[1].weight, rows[1].probe), (0.25, Some(DQuat::IDENTITY)));
     let copy = folder.path().join("b.csv");

@@ -255,6 +255,7 @@ mod tests {
         ("MODULE", "triangle:32mm"),
         ("N", "3"),
         ("NAME=DIR", "a=."),
+        ("NAME=VALUE,...", "late-ms=40"),
         ("PERCENT", "5"),
         ("PX", "600"),
         ("R", "3"),

@@ -5,11 +5,12 @@
 //! `(rustler2021)`. A touch at `p` of a probe with the orientation `R`, felt by taxels `i` of weights `w_i`, has the error
 //!
 //! ```text
-//! e = p + R o - sum w_i (x_i + h n_i)
+//! e = p + R o - b - sum w_i (x_i + h n_i)
 //! ```
 //!
 //! with the probe's offset `o` and a standoff `h` along the normals `n_i`, if these are fitted. Where `p` is the centre of a
-//! sphere, `h` begins at nine tenths of its radius, along the normals of the fit. The fit minimises
+//! sphere, `h` begins at nine tenths of its radius, along the normals of the fit. `b` is the expected centre of the touch (`expected`): after a fit it
+//! follows from the model of a press there, and all is fitted again, twice; without the path of the sphere it is zero. The fit minimises
 //! `sum w rho(e' C^-1 e)`, `C = a^2 I + f^2 S` with the stated covariance `S` and a scale that is estimated, plus the squared motions over their tolerances: touches move the highest body that
 //! explains them, since moving one body costs less than moving all that it carries. Touches that repeat a contact
 //! weigh as one together, so standard deviations follow from the number of contacts.
@@ -29,11 +30,12 @@
 //! weights of the solution.
 //!
 //! In reading order: `cad`, `drawing`, `options`, `touches`, `placement`, `system`, `noise`, `solve`, `start`, `covariance`,
-//! `misassembly`, `result`, `folds`, `verdict`, `follow`.
+//! `expected`, `misassembly`, `result`, `folds`, `verdict`, `follow`.
 
 mod cad;
 mod covariance;
 mod drawing;
+mod expected;
 mod folds;
 mod follow;
 mod misassembly;
@@ -64,6 +66,9 @@ use solve::{Solved, solve};
 use start::down_to;
 use system::BodySystem;
 use touches::Touches;
+
+/// Fits after which the expected centres of the touches are found.
+const EXPECTED_ROUNDS: usize = 2;
 
 /// Finds where the mount, the patches and the modules of a drawn skin are, from touches.
 ///
@@ -122,10 +127,15 @@ pub fn fit_bodies_with(
     observations.validate()?;
     cad.validate()?;
     options.validate()?;
-    let touches = Touches::new(observations, cad, options.probe.is_some())?;
+    let mut touches = Touches::new(observations, cad, options.probe.is_some())?;
     let options = &BodyOptions { standoff: options.standoff.or(touches.standoff()), ..*options };
     let Assembled { hierarchy, misassembled, mounted } = Assembled::new(options, cad, &touches, run)?;
     let mut solved: Solved = solve(options, options.level, &hierarchy, &touches, mounted.clone(), run)?;
+    let rounds = if touches.are_expected() { EXPECTED_ROUNDS } else { 0 };
+    for _ in 0..rounds {
+        touches.expect(&hierarchy, &solved.placement);
+        solved = solve(options, options.level, &hierarchy, &touches, solved.placement, run)?;
+    }
     let is_judged = |folds: &Folds| *folds != Folds::default() || touches.contacts >= 2 * folds.count;
     let folds = options.folds.filter(is_judged);
     let held_back = folds.map(|folds| folds::score(folds, &solved, &hierarchy, &touches, run)).transpose()?;

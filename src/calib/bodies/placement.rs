@@ -130,9 +130,14 @@ impl Placement {
         PlacedTaxel { position, normal, levers }
     }
 
-    /// `e = p + R o - sum w_i (x_i + h n_i)`, `h` the standoff and the lift of the touch; and the mean normal.
+    /// `p + R o - b`: where a touch is, less its expected centre.
+    fn seen(&self, touch: &Touch) -> DVec3 {
+        touch.position + touch.probe * self.offset - touch.expected
+    }
+
+    /// `e = p + R o - b - sum w_i (x_i + h n_i)`, `h` the standoff and the lift of the touch; and the mean normal.
     pub(super) fn error(&self, of: &Hierarchy, touch: &Touch) -> (DVec3, DVec3) {
-        let (mut error, standoff) = (touch.position + touch.probe * self.offset, self.standoff + touch.lift);
+        let (mut error, standoff) = (self.seen(touch), self.standoff + touch.lift);
         let mut normal = DVec3::ZERO;
         for &(v, weight) in &touch.taxels {
             let placed = self.taxel(of, v);
@@ -145,7 +150,7 @@ impl Placement {
     /// As [`Placement::error`], with derivatives by all bodies down to `level`: translations in the parent's frame,
     /// and rotation vectors that multiply from the left.
     pub(super) fn linearised(&self, of: &Hierarchy, touch: &Touch, level: BodyLevel) -> TouchError {
-        let (mut error, standoff) = (touch.position + touch.probe * self.offset, self.standoff + touch.lift);
+        let (mut error, standoff) = (self.seen(touch), self.standoff + touch.lift);
         let mut normal = DVec3::ZERO;
         // Weight and weighted lever of every body.
         let mut sums: Vec<(BodyId, DMat3, f64, DVec3)> = Vec::new();

@@ -35,6 +35,10 @@ pub(super) struct Touch {
     pub(super) lift: f64,
     /// The direction in which its readings fell, its length in standard deviations; zero if it is not known.
     pub(super) outward: DVec3,
+    /// The path of the body; `None` if it is not known.
+    pub(super) path: Option<DVec3>,
+    /// The expected centre, at a fit: how far the body is from where its taxels place it, in m.
+    pub(super) expected: DVec3,
     /// Number of its contact, dense.
     pub(super) contact: usize,
     /// Weight of the touch: one over the touches of its contact.
@@ -54,7 +58,7 @@ pub(super) struct Touches {
 const CENTRE_SIGMA: f64 = 2e-3;
 
 /// The share of the radius of a sphere at which its centre is above the taxels; the rest is the depth of the press.
-const LIFT: f64 = 0.9;
+pub(super) const LIFT: f64 = 0.9;
 
 /// A touch while its rows are read.
 struct RowSum {
@@ -70,6 +74,7 @@ struct RowSum {
     /// Weighted sums of the centre and of the radius, where all rows have them.
     body: Option<(DVec3, f64)>,
     outward: DVec3,
+    path: Option<DVec3>,
 }
 
 impl Touches {
@@ -167,6 +172,8 @@ impl Touches {
                 stated,
                 lift,
                 outward: share * sum.outward,
+                path: sum.path,
+                expected: DVec3::ZERO,
                 contact,
                 weight: 1.0,
             });
@@ -201,6 +208,7 @@ impl RowSum {
             normal: DVec3::ZERO,
             body: Some((DVec3::ZERO, 0.0)),
             outward: DVec3::ZERO,
+            path: row.path,
         }
     }
 }

@@ -23,6 +23,9 @@ pub struct TouchRow {
     pub body: Option<TouchingBody>,
     /// The direction in which the readings fell as the body moved, its length in standard deviations of that, if known.
     pub outward: Option<DVec3>,
+    /// The path of the body in the touch, if known: the direction along which its positions differ most, its length their standard
+    /// deviation, in m, all in the frame of the contacts.
+    pub path: Option<DVec3>,
 }
 
 /// A sphere that touched.
@@ -36,7 +39,7 @@ pub struct TouchingBody {
 
 impl Default for TouchRow {
     fn default() -> Self {
-        Self { touch: None, contact: None, weight: 1.0, probe: None, body: None, outward: None }
+        Self { touch: None, contact: None, weight: 1.0, probe: None, body: None, outward: None, path: None }
     }
 }
 
@@ -68,6 +71,9 @@ impl Observations {
                 |body: TouchingBody| is_within_reach(body.centre) && (0.0..=1e3).contains(&body.radius);
             if row.outward.is_some_and(|outward| !outward.is_finite()) {
                 return invalid("the direction in which its readings fell is not finite");
+            }
+            if row.path.is_some_and(|path| !is_within_reach(path)) {
+                return invalid("the path of its body is not within 1e12 m");
             }
             if row.body.is_some_and(|body| !is_body(body)) {
                 return invalid("the body has no centre within 1e12 m, or no radius from 0 to 1000 m");

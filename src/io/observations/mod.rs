@@ -32,7 +32,7 @@ const KINDS: &str = ".g2o, .csv";
 /// or `ixx,ixy,ixz,iyy,iyz,izz`, the information in 1/m^2. Without any, 1 mm per axis is assumed
 /// and remarked. No cell may be empty, and no other column is allowed: a misspelt name is not
 /// silently ignored. Contacts may have the columns of [`TouchRow`](crate::calib::TouchRow): `touch` and `contact`,
-/// whole numbers, `weight`, above 0, `qx,qy,qz,qw`, `px,py,pz,radius` and `outx,outy,outz`. Lines after `#` are comments.
+/// whole numbers, `weight`, above 0, `qx,qy,qz,qw`, `px,py,pz,radius`, `outx,outy,outz` and `pathx,pathy,pathz`. Lines after `#` are comments.
 ///
 /// The observations of `more` files are appended, as contacts come in a table of their own. A pose
 /// that one of them fixes is fixed; its initial value is used where there is none yet.

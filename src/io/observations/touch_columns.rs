@@ -1,4 +1,5 @@
-//! The columns of a table of contacts about touches: `touch`, `contact`, `weight`, `qx,qy,qz,qw`, `px,py,pz,radius`, `outx,outy,outz`.
+//! The columns of a table of contacts about touches: `touch`, `contact`, `weight`, `qx,qy,qz,qw`, `px,py,pz,radius`, `outx,outy,outz`,
+//! `pathx,pathy,pathz`.
 
 use std::io::Write;
 
@@ -16,10 +17,13 @@ const WEIGHT: &str = "weight";
 const PROBE: [&str; 4] = ["qx", "qy", "qz", "qw"];
 const BODY: [&str; 4] = ["px", "py", "pz", "radius"];
 const OUTWARD: [&str; 3] = ["outx", "outy", "outz"];
+const PATH: [&str; 3] = ["pathx", "pathy", "pathz"];
 
 /// All of them.
-pub(super) const TOUCH_COLUMNS: [&str; 14] =
-    [TOUCH, CONTACT, WEIGHT, "qx", "qy", "qz", "qw", "px", "py", "pz", "radius", "outx", "outy", "outz"];
+pub(super) const TOUCH_COLUMNS: [&str; 17] = [
+    TOUCH, CONTACT, WEIGHT, "qx", "qy", "qz", "qw", "px", "py", "pz", "radius", "outx", "outy", "outz",
+    "pathx", "pathy", "pathz",
+];
 
 /// The columns that a table has.
 #[derive(Debug, Clone, Copy)]
@@ -30,6 +34,7 @@ pub(super) struct TouchColumns {
     probe: Option<[usize; 4]>,
     body: Option<[usize; 4]>,
     outward: Option<[usize; 3]>,
+    path: Option<[usize; 3]>,
 }
 
 impl TouchColumns {
@@ -37,10 +42,10 @@ impl TouchColumns {
     pub(super) fn find(columns: &Columns) -> Result<Option<Self>> {
         let [touch, contact, weight] = [TOUCH, CONTACT, WEIGHT].map(|name| columns.find(name));
         let (probe, body) = (columns.find_vector(PROBE)?, columns.find_vector(BODY)?);
-        let outward = columns.find_vector(OUTWARD)?;
-        let has_vector = probe.or(body).is_some() || outward.is_some();
+        let (outward, path) = (columns.find_vector(OUTWARD)?, columns.find_vector(PATH)?);
+        let has_vector = probe.or(body).is_some() || outward.or(path).is_some();
         let has_any = touch.or(contact).or(weight).is_some() || has_vector;
-        Ok(has_any.then_some(Self { touch, contact, weight, probe, body, outward }))
+        Ok(has_any.then_some(Self { touch, contact, weight, probe, body, outward, path }))
     }
 
     pub(super) fn read(self, row: Row<'_>) -> Result<TouchRow> {
@@ -51,7 +56,7 @@ impl TouchColumns {
             let [x, y, z, radius] = columns.map(|column| row.number(column));
             Ok(TouchingBody { centre: DVec3::new(x?, y?, z?), radius: radius? })
         };
-        let outward = |columns: [usize; 3]| -> Result<DVec3> {
+        let vector = |columns: [usize; 3]| -> Result<DVec3> {
             let [x, y, z] = columns.map(|column| row.number(column));
             Ok(DVec3::new(x?, y?, z?))
         };
@@ -65,7 +70,8 @@ impl TouchColumns {
             weight: weight.transpose()?.unwrap_or(1.0),
             probe: self.probe.map(|columns| row.rotation(columns)).transpose()?,
             body: self.body.map(body).transpose()?,
-            outward: self.outward.map(outward).transpose()?,
+            outward: self.outward.map(vector).transpose()?,
+            path: self.path.map(vector).transpose()?,
         })
     }
 }
@@ -76,8 +82,9 @@ pub(super) fn written(observations: &Observations) -> Vec<&'static str> {
     let touch = first.touch.map(|_| TOUCH);
     let contact = first.contact.map(|_| CONTACT);
     let (probe, body) = (first.probe.map(|_| PROBE), first.body.map(|_| BODY));
-    let outward = first.outward.map(|_| OUTWARD);
-    let vectors = [probe, body].into_iter().flatten().flatten().chain(outward.into_iter().flatten());
+    let directions = [first.outward.map(|_| OUTWARD), first.path.map(|_| PATH)];
+    let vectors = [probe, body].into_iter().flatten().flatten();
+    let vectors = vectors.chain(directions.into_iter().flatten().flatten());
     touch.into_iter().chain(contact).chain([WEIGHT]).chain(vectors).collect()
 }
 
@@ -91,7 +98,8 @@ pub(super) fn write(columns: &[&str], row: &TouchRow, table: &mut TableWriter<im
         && fits(CONTACT, row.contact.is_some())
         && fits(PROBE[0], row.probe.is_some())
         && fits(BODY[0], row.body.is_some())
-        && fits(OUTWARD[0], row.outward.is_some()))
+        && fits(OUTWARD[0], row.outward.is_some())
+        && fits(PATH[0], row.path.is_some()))
     {
         return false;
     }
@@ -99,6 +107,6 @@ pub(super) fn write(columns: &[&str], row: &TouchRow, table: &mut TableWriter<im
     table.decimals([row.weight]);
     table.decimals(row.probe.into_iter().flat_map(|q| q.to_array()));
     table.decimals(row.body.into_iter().flat_map(|b| [b.centre.x, b.centre.y, b.centre.z, b.radius]));
-    table.decimals(row.outward.into_iter().flat_map(|outward| outward.to_array()));
+    table.decimals(row.outward.into_iter().chain(row.path).flat_map(|vector| vector.to_array()));
     true
 }

@@ -204,7 +204,7 @@ pub fn write_touch_log(
     })
 }
 
-/// Writes contacts: `i,x,y,z,touch[,contact],weight[,qx,qy,qz,qw][,px,py,pz,radius][,outx,outy,outz],ixx,ixy,ixz,iyy,iyz,izz`, metres and
+/// Writes contacts: `i,x,y,z,touch[,contact],weight[,qx,qy,qz,qw][,px,py,pz,radius][,outx,outy,outz,pathx,pathy,pathz],ixx,ixy,ixz,iyy,iyz,izz`, metres and
 /// 1/m^2. `contact` and the orientation of the body stand there if the log has them, the body if no touch is of a plane.
 ///
 /// # Errors
@@ -224,6 +224,8 @@ pub fn write_touch_contacts(
     header += if has_bodies { ",px,py,pz,radius" } else { "" };
     let has_outward = contacts.iter().all(|contact| contact.outward.is_some());
     header += if has_outward { ",outx,outy,outz" } else { "" };
+    let has_path = contacts.iter().all(|contact| contact.path.is_some());
+    header += if has_path { ",pathx,pathy,pathz" } else { "" };
     header += ",ixx,ixy,ixz,iyy,iyz,izz";
     write_table(&path.into(), &header, |table| {
         for contact in contacts {
@@ -243,6 +245,8 @@ pub fn write_touch_contacts(
             table.decimals(body.flat_map(|body| [body.centre.x, body.centre.y, body.centre.z, body.radius]));
             let outward = contact.outward.filter(|_| has_outward).into_iter();
             table.decimals(outward.flat_map(|outward| outward.to_array()));
+            let path = contact.path.filter(|_| has_path).into_iter();
+            table.decimals(path.flat_map(|path| path.to_array()));
             table.decimals(contact.information.upper());
             table.end_row()?;
         }

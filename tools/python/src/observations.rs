@@ -227,13 +227,14 @@ impl PyObservations {
             Some(ContactObservation { taxel: taxel(of)?, measurement: contact(&numbers)? })
         };
         let body = |[x, y, z, radius]: [f64; 4]| TouchingBody { centre: DVec3::new(x, y, z), radius };
-        let touch = |(touch, contact, weight, probe, by, outward): TouchState| TouchRow {
+        let touch = |(touch, contact, weight, probe, by, outward, path): TouchState| TouchRow {
             touch,
             contact,
             weight,
             probe: probe.map(DQuat::from_array),
             body: by.map(body),
             outward: outward.map(DVec3::from_array),
+            path: path.map(DVec3::from_array),
         };
         let made = || {
             Some(Observations {
@@ -261,8 +262,9 @@ impl PyObservations {
         let contacts: Vec<ContactState> = contacts.iter().map(contact).collect();
         let body = |TouchingBody { centre, radius }: TouchingBody| [centre.x, centre.y, centre.z, radius];
         let touch = |row: &TouchRow| {
-            let (probe, outward) = (row.probe.map(|q| q.to_array()), row.outward.map(|v| v.to_array()));
-            (row.touch, row.contact, row.weight, probe, row.body.map(body), outward)
+            let probe = row.probe.map(|q| q.to_array());
+            let [outward, path] = [row.outward, row.path].map(|vector| vector.map(|v| v.to_array()));
+            (row.touch, row.contact, row.weight, probe, row.body.map(body), outward, path)
         };
         let touches: Vec<TouchState> = touches.iter().map(touch).collect();
         let state =
@@ -295,8 +297,9 @@ type EdgeState = ([u32; 2], Vec<f64>);
 type ContactState = (u32, Vec<f64>);
 
 /// A touch: its number, that of its contact, its weight, the orientation of the probe, the centre and radius of what
-/// touched, and the direction in which its readings fell.
-type TouchState = (Option<u64>, Option<u64>, f64, Option<[f64; 4]>, Option<[f64; 4]>, Option<[f64; 3]>);
+/// touched, the direction in which its readings fell, and its path.
+type TouchState =
+    (Option<u64>, Option<u64>, f64, Option<[f64; 4]>, Option<[f64; 4]>, Option<[f64; 3]>, Option<[f64; 3]>);
 
 /// A pose as position and quaternion.
 fn numbers(pose: &Pose) -> [f64; 7] {

@@ -3,7 +3,7 @@
 use dermatome::Error;
 use dermatome::io::{write_touch_log, write_triangles, write_truth};
 use dermatome::skin::TaxelId;
-use dermatome::touches::{ArmOptions, simulate_arm};
+use dermatome::touches::{ArmOptions, LogFaults, simulate_arm};
 
 use crate::console::notes::note;
 use crate::files::outputs::{self, is_stream};
@@ -38,6 +38,35 @@ pub(super) struct ArmArgs {
     /// With --arm: noise of the mean pressure on a taxel, standard deviation
     #[arg(long, value_name = "KPA", default_value_t = 0.0, requires = "arm")]
     reading_noise_kpa: f64,
+    /// With --arm: faults of real logs, as in late-ms=40,ids-percent=5: the clock of the readings is late; touches have
+    /// ids of other taxels (ids-percent) or are at wrong places (places-percent); the stated radius of the fixed
+    /// sphere is off (radius-percent)
+    #[arg(long, value_name = "NAME=VALUE,...", requires = "arm", value_parser = faults)]
+    fault: Option<LogFaults>,
+}
+
+/// A parser of faults, each at most once.
+fn faults(text: &str) -> Result<LogFaults, String> {
+    const NAMES: [&str; 4] = ["late-ms", "ids-percent", "places-percent", "radius-percent"];
+    let mut values = [None; NAMES.len()];
+    for fault in text.split(',') {
+        let number = |text: &str| text.parse::<f64>().ok().filter(|value| value.is_finite());
+        let parsed = fault
+            .split_once('=')
+            .and_then(|(name, value)| Some((NAMES.iter().position(|known| *known == name)?, number(value)?)));
+        let Some((name, value)) = parsed else {
+            let names = NAMES.join(", ");
+            return Err(format!(
+                "found {fault:?}; needed: a name and a number, as in late-ms=40; names are {names}"
+            ));
+        };
+        if values[name].replace(value).is_some() {
+            return Err(format!("{} comes twice; needed: each fault once", NAMES[name]));
+        }
+    }
+    let [late, wrong_ids, wrong_places, radius_off] = values.map(Option::unwrap_or_default);
+    let [wrong_ids, wrong_places, radius_off] = [wrong_ids, wrong_places, radius_off].map(|x| x / 100.0);
+    Ok(LogFaults { late: late / 1e3, wrong_ids, wrong_places, radius_off, seed: 0 })
 }
 
 /// The name of the link that carries the skin.
@@ -61,9 +90,12 @@ impl ArmArgs {
             return Err(crate::console::errors::advise(what, "name a file, as -o log.csv"));
         }
         outputs::check_table(shared.output)?;
-        let simulation = simulate_arm(&self.options(shared)).map_err(Error::from)?;
+        let options = self.options(shared);
+        let simulation = simulate_arm(&options).map_err(Error::from)?;
+        let faults = LogFaults { seed: options.seed, ..self.fault.unwrap_or_default() };
+        let faulty = faults.apply(&simulation.log).map_err(Error::from)?;
         let file = |path| common.outputs.file(path);
-        write_touch_log(file(shared.output), LINK, &simulation.log).map_err(Error::from)?;
+        write_touch_log(file(shared.output), LINK, &faulty.log).map_err(Error::from)?;
         let ids = simulation.truth.ids().map(|v| TaxelId(v.raw())).collect();
         if let Some(path) = shared.triangles {
             write_triangles(file(path), &ids, simulation.mesh.triangles.as_slice()).map_err(Error::from)?;
@@ -73,10 +105,16 @@ impl ArmArgs {
             outputs::drop_triangles(path, common)?;
         }
         outputs::publish(common)?;
-        let frames = simulation.log.frames.len();
-        let touches = simulation.log.frames.last().map_or(0, |frame| frame.touch + 1);
+        let frames = faulty.log.frames.len();
+        let touches = faulty.log.frames.chunk_by(|a, b| a.touch == b.touch).count();
         let depth = simulation.depth * 1e3;
         note!(common, "{} taxels, {touches} touches with {frames} frames, {depth:.3} mm deep", ids.len());
+        for (what, touches) in [("wrong ids", &faulty.wrong_ids), ("wrong places", &faulty.wrong_places)] {
+            if !touches.is_empty() {
+                let numbers: Vec<String> = touches.iter().map(u64::to_string).collect();
+                note!(common, "{what} in the touches {}", numbers.join(", "));
+            }
+        }
         Ok(())
     }
 
