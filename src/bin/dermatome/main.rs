@@ -227,7 +227,7 @@ mod tests {
     }
 
     /// Values of options that have no list of words and no default, by the name of their value.
-    const SOUND: [(&str, &str); 42] = [
+    const SOUND: [(&str, &str); 43] = [
         ("A4|A3|W,H", "A3"),
         ("AZIMUTH,ELEVATION", "-65,-45"),
         ("D", "5"),
