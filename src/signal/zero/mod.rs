@@ -75,10 +75,10 @@ impl ZeroTracker {
     pub(crate) fn starting(map: &SkinMap, channels: &[Channel], seconds: f64, frames: usize) -> Self {
         let neighbours =
             neighbours(map.patches.iter().map(|patch| &patch.levels[LevelId::new(0)].level.mesh));
-        let taxels = neighbours.len();
+        let taxels = || map.patches.iter().map(|patch| patch.taxels.ids.len());
         let track = |channel: &Channel| {
             let is_signed = channel.kind == ChannelKind::Tangential;
-            channel.kind.is_of_touch().then(|| Track::new(taxels, is_signed, (seconds, frames)))
+            channel.kind.is_of_touch().then(|| Track::new(taxels(), is_signed, (seconds, frames)))
         };
         Self {
             neighbours,

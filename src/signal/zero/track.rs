@@ -1,6 +1,6 @@
 //! The zeros of one channel: which taxels are active, and how zeros move.
 
-use std::mem;
+use std::{iter, mem};
 
 use crate::numeric::{Csr, median_of, storable};
 use crate::signal::clock::SAME_S;
@@ -43,6 +43,13 @@ const SHIFT: f64 = 3.0;
 /// Untouched taxels that have a common drift.
 const COMMON: usize = 20;
 
+/// Time constant with which the common drift is followed, in s. The mean of [`COMMON`] taxels is known four times as well as
+/// the zero of one, so that it is followed faster.
+const COMMON_S: f64 = 1.0;
+
+/// The common drift in `sigma` a second, at most: what rises faster on the whole skin is a touch.
+const COMMON_LIMIT: f64 = 0.6;
+
 /// How often coefficients are estimated, in s.
 const COEFFICIENTS_S: f64 = 5.0;
 
@@ -83,9 +90,25 @@ pub(super) struct Track {
     estimated: f64,
     /// The smallest difference of two readings of a taxel; infinite before there is any.
     quantum: f64,
-    /// The sum of the common drift.
-    drift: f64,
+    /// The common drift of each patch, and of all.
+    patches: Vec<Common>,
+    all: Common,
     pub(super) report: ZeroReport,
+}
+
+/// The common drift of some taxels: an offset and its velocity, by a fading memory of the excess of the untouched ones.
+#[derive(Debug, Clone, Copy, Default)]
+struct Common {
+    /// Number of the taxels.
+    taxels: usize,
+    /// The sum of the drift so far, and what it is in a second.
+    drift: f64,
+    velocity: f64,
+    /// Of the untouched taxels in this frame: sums of their excess, limited, of coefficients and of noise, and their number.
+    excess: f64,
+    coefficients: f64,
+    sigma: f64,
+    untouched: usize,
 }
 
 #[derive(Debug, Clone)]
@@ -132,7 +155,10 @@ const UNKNOWN: Taxel = Taxel {
 
 impl Track {
     /// `start`: the first zero is the mean of the frames of this time, in s, and of this many at least.
-    pub(super) fn new(taxels: usize, is_signed: bool, start: (f64, usize)) -> Self {
+    /// `patches`: the number of taxels of each.
+    pub(super) fn new(patches: impl Iterator<Item = usize>, is_signed: bool, start: (f64, usize)) -> Self {
+        let patches: Vec<_> = patches.map(|taxels| Common { taxels, ..Common::default() }).collect();
+        let taxels = patches.iter().map(|patch| patch.taxels).sum();
         Self {
             is_signed,
             start,
@@ -147,7 +173,8 @@ impl Track {
             now: 0.0,
             estimated: 0.0,
             quantum: f64::INFINITY,
-            drift: 0.0,
+            patches,
+            all: Common { taxels, ..Common::default() },
             report: ZeroReport::default(),
         }
     }
@@ -230,7 +257,7 @@ impl Track {
                 taxel.zero += step;
                 *excess -= step;
                 (taxel.is_active, taxel.peak) = (false, 0.0);
-                taxel.anchor = [taxel.zero, self.drift];
+                taxel.anchor = [taxel.zero, 0.0];
             }
             return;
         }
@@ -243,50 +270,76 @@ impl Track {
             self.take_zeros_below();
             self.take_zeros_of_modules(neighbours);
         }
-        let (mut sum, mut weight, mut count) = (0.0, 0.0, 0_usize);
-        for ((taxel, &x), &is_blocked) in self.taxels.iter().zip(&self.excess).zip(&self.is_blocked) {
-            if !is_blocked && x.is_finite() {
-                let limit = LIMIT * taxel.sigma;
-                sum += limited(x, limit);
-                weight += taxel.coefficient;
-                count += 1;
-            }
-        }
-        let share = 1.0 - (-interval / FOLLOW_S).exp();
-        let drift = if count >= COMMON && weight > 0.0 { share * sum / weight } else { 0.0 };
-        self.drift += drift;
         let is_estimated = self.now - self.estimated >= COEFFICIENTS_S - SAME_S;
         if is_estimated {
             self.estimated = self.now;
         }
-        for ((taxel, excess), &is_blocked) in
-            self.taxels.iter_mut().zip(&mut self.excess).zip(&self.is_blocked)
-        {
+        self.follow_common(interval);
+        let share = 1.0 - (-interval / FOLLOW_S).exp();
+        let drift = self.patches.iter().flat_map(|patch| iter::repeat_n(patch.drift, patch.taxels));
+        let of_taxel = self.taxels.iter_mut().zip(&mut self.excess).zip(&self.is_blocked).zip(drift);
+        for (((taxel, excess), &is_blocked), drift) in of_taxel {
             if !excess.is_finite() {
                 continue;
             }
             taxel.age += 1;
             let is_young = self.now - taxel.zero_since < YOUNG_S - SAME_S;
-            let step = if is_blocked {
+            if is_blocked {
                 taxel.free_since = self.now;
-                taxel.coefficient * drift
             } else {
-                let limit = LIMIT * taxel.sigma;
                 let share = if is_young { share.max(f64::from(taxel.age).recip()) } else { share };
-                share * limited(*excess, limit)
-            };
-            taxel.zero += step;
-            *excess -= step;
+                let step = share * limited(*excess, LIMIT * taxel.sigma);
+                taxel.zero += step;
+                *excess -= step;
+            }
             if is_young {
-                taxel.anchor = [taxel.zero, self.drift];
+                taxel.anchor = [taxel.zero, drift];
             } else if is_estimated && !is_blocked && self.now - taxel.free_since >= YOUNG_S - SAME_S {
-                let (own, common) = (taxel.zero - taxel.anchor[0], self.drift - taxel.anchor[1]);
+                let (own, common) = (taxel.zero - taxel.anchor[0], drift - taxel.anchor[1]);
                 let prior = PRIOR * taxel.sigma * taxel.sigma;
                 let found = (own * common + prior) / (common * common + prior);
                 if found.is_finite() {
                     taxel.coefficient = found.clamp(COEFFICIENTS[0], COEFFICIENTS[1]);
                 }
             }
+        }
+    }
+
+    /// Moves the zeros of all taxels by the common drift of the untouched ones of their patch, times their coefficients; by
+    /// that of all patches where a patch has too few.
+    fn follow_common(&mut self, interval: f64) {
+        let (mut first, mut all) = (0, self.all.start());
+        for patch in &mut self.patches {
+            *patch = patch.start();
+            for k in first..first + patch.taxels {
+                let (taxel, x) = (&self.taxels[k], self.excess[k]);
+                if !self.is_blocked[k] && x.is_finite() && taxel.sigma.is_finite() {
+                    patch.excess += limited(x, LIMIT * taxel.sigma);
+                    patch.coefficients += taxel.coefficient;
+                    patch.sigma += taxel.sigma;
+                    patch.untouched += 1;
+                }
+            }
+            first += patch.taxels;
+            all.excess += patch.excess;
+            all.coefficients += patch.coefficients;
+            all.sigma += patch.sigma;
+            all.untouched += patch.untouched;
+        }
+        self.all = all;
+        let of_all = self.all.step(interval).unwrap_or(0.0);
+        first = 0;
+        for patch in &mut self.patches {
+            let step = patch.step(interval).unwrap_or(of_all);
+            patch.drift += step;
+            let taxels = first..first + patch.taxels;
+            for (taxel, excess) in self.taxels[taxels.clone()].iter_mut().zip(&mut self.excess[taxels]) {
+                // Unknown where there is no reading.
+                let step = taxel.coefficient * step;
+                taxel.zero += step;
+                *excess -= step;
+            }
+            first += patch.taxels;
         }
     }
 
@@ -376,6 +429,30 @@ impl Track {
 /// A number brought to within `limit` of 0; as it is if the limit is not known.
 fn limited(x: f64, limit: f64) -> f64 {
     x.max(-limit).min(limit)
+}
+
+impl Common {
+    /// Without taxels of this frame.
+    fn start(self) -> Self {
+        Self { excess: 0.0, coefficients: 0.0, sigma: 0.0, untouched: 0, ..self }
+    }
+
+    /// How far the offset moves in a frame; `None` where too few taxels are untouched.
+    fn step(&mut self, interval: f64) -> Option<f64> {
+        if self.untouched < COMMON || self.coefficients <= 0.0 {
+            self.velocity = 0.0;
+            return None;
+        }
+        let offset = self.excess / self.coefficients;
+        let limit = COMMON_LIMIT * self.sigma / self.untouched as f64;
+        let kept = (-interval / COMMON_S).exp();
+        let step = interval * self.velocity + (1.0 - kept * kept) * offset;
+        if interval > 0.0 {
+            let velocity = self.velocity + (1.0 - kept).powi(2) / interval * offset;
+            self.velocity = limited(velocity, limit);
+        }
+        Some(limited(step, interval * limit))
+    }
 }
 
 impl Taxel {
