@@ -274,7 +274,7 @@ impl Track {
         if is_estimated {
             self.estimated = self.now;
         }
-        self.follow_common(interval);
+        self.follow_common(neighbours, interval);
         let share = 1.0 - (-interval / FOLLOW_S).exp();
         let drift = self.patches.iter().flat_map(|patch| iter::repeat_n(patch.drift, patch.taxels));
         let of_taxel = self.taxels.iter_mut().zip(&mut self.excess).zip(&self.is_blocked).zip(drift);
@@ -307,13 +307,30 @@ impl Track {
 
     /// Moves the zeros of all taxels by the common drift of the untouched ones of their patch, times their coefficients; by
     /// that of all patches where a patch has too few.
-    fn follow_common(&mut self, interval: f64) {
+    fn follow_common(&mut self, neighbours: &Csr<u32>, interval: f64) {
+        let (taxels, excess, is_signed) = (&self.taxels, &self.excess, self.is_signed);
+        let height = |x: f64| if is_signed { x.abs() } else { x };
+        // A touch that is too weak for each of its taxels is no common drift.
+        let is_raised = |k: usize| {
+            if height(excess[k]) <= taxels[k].sigma {
+                return false;
+            }
+            let (mut sum, mut variance) = (0.0, 0.0);
+            for k in neighbours[k].iter().map(|&k| k as usize).chain([k]) {
+                if excess[k].is_finite() {
+                    sum += excess[k];
+                    variance += taxels[k].sigma.powi(2);
+                }
+            }
+            height(sum) > ACTIVE * variance.sqrt()
+        };
         let (mut first, mut all) = (0, self.all.start());
         for patch in &mut self.patches {
             *patch = patch.start();
             for k in first..first + patch.taxels {
-                let (taxel, x) = (&self.taxels[k], self.excess[k]);
-                if !self.is_blocked[k] && x.is_finite() && taxel.sigma.is_finite() {
+                let (taxel, x) = (&taxels[k], excess[k]);
+                let is_known = x.is_finite() && taxel.sigma.is_finite();
+                if is_known && !self.is_blocked[k] && !is_raised(k) {
                     patch.excess += limited(x, LIMIT * taxel.sigma);
                     patch.coefficients += taxel.coefficient;
                     patch.sigma += taxel.sigma;
@@ -443,13 +460,14 @@ impl Common {
             self.velocity = 0.0;
             return None;
         }
-        let offset = self.excess / self.coefficients;
+        // Before this frame the zeros have not moved by the velocity yet.
+        let foreseen = interval * self.velocity;
+        let beyond = self.excess / self.coefficients - foreseen;
         let limit = COMMON_LIMIT * self.sigma / self.untouched as f64;
         let kept = (-interval / COMMON_S).exp();
-        let step = interval * self.velocity + (1.0 - kept * kept) * offset;
+        let step = foreseen + (1.0 - kept * kept) * beyond;
         if interval > 0.0 {
-            let velocity = self.velocity + (1.0 - kept).powi(2) / interval * offset;
-            self.velocity = limited(velocity, limit);
+            self.velocity = limited(self.velocity + (1.0 - kept).powi(2) / interval * beyond, limit);
         }
         Some(limited(step, interval * limit))
     }
