@@ -4,6 +4,7 @@ use std::{iter, mem};
 
 use crate::numeric::{Csr, median_of, storable};
 use crate::signal::clock::SAME_S;
+use crate::signal::zero::common::{Common, limited};
 use crate::signal::{QUANTISATION, RunningNoise};
 
 /// Excess over `sigma` from which a taxel is active or below its zero, and below which it is not active any more.
@@ -39,16 +40,6 @@ const MODULE_TAXELS: usize = 6;
 const MODULE_BELOW: usize = 2;
 const JUMP: f64 = 8.0;
 const SHIFT: f64 = 3.0;
-
-/// Untouched taxels that have a common drift.
-const COMMON: usize = 20;
-
-/// Time constant with which the common drift is followed, in s. The mean of [`COMMON`] taxels is known four times as well as
-/// the zero of one, so that it is followed faster.
-const COMMON_S: f64 = 1.0;
-
-/// The common drift in `sigma` a second, at most: what rises faster on the whole skin is a touch.
-const COMMON_LIMIT: f64 = 0.6;
 
 /// How often coefficients are estimated, in s.
 const COEFFICIENTS_S: f64 = 5.0;
@@ -94,21 +85,6 @@ pub(super) struct Track {
     patches: Vec<Common>,
     all: Common,
     pub(super) report: ZeroReport,
-}
-
-/// The common drift of some taxels: an offset and its velocity, by a fading memory of the excess of the untouched ones.
-#[derive(Debug, Clone, Copy, Default)]
-struct Common {
-    /// Number of the taxels.
-    taxels: usize,
-    /// The sum of the drift so far, and what it is in a second.
-    drift: f64,
-    velocity: f64,
-    /// Of the untouched taxels in this frame: sums of their excess, limited, of coefficients and of noise, and their number.
-    excess: f64,
-    coefficients: f64,
-    sigma: f64,
-    untouched: usize,
 }
 
 #[derive(Debug, Clone)]
@@ -157,7 +133,7 @@ impl Track {
     /// `start`: the first zero is the mean of the frames of this time, in s, and of this many at least.
     /// `patches`: the number of taxels of each.
     pub(super) fn new(patches: impl Iterator<Item = usize>, is_signed: bool, start: (f64, usize)) -> Self {
-        let patches: Vec<_> = patches.map(|taxels| Common { taxels, ..Common::default() }).collect();
+        let patches: Vec<_> = patches.map(Common::of).collect();
         let taxels = patches.iter().map(|patch| patch.taxels).sum();
         Self {
             is_signed,
@@ -174,7 +150,7 @@ impl Track {
             estimated: 0.0,
             quantum: f64::INFINITY,
             patches,
-            all: Common { taxels, ..Common::default() },
+            all: Common::default(),
             report: ZeroReport::default(),
         }
     }
@@ -331,17 +307,11 @@ impl Track {
                 let (taxel, x) = (&taxels[k], excess[k]);
                 let is_known = x.is_finite() && taxel.sigma.is_finite();
                 if is_known && !self.is_blocked[k] && !is_raised(k) {
-                    patch.excess += limited(x, LIMIT * taxel.sigma);
-                    patch.coefficients += taxel.coefficient;
-                    patch.sigma += taxel.sigma;
-                    patch.untouched += 1;
+                    patch.take(limited(x, LIMIT * taxel.sigma), taxel.coefficient, taxel.sigma);
                 }
             }
             first += patch.taxels;
-            all.excess += patch.excess;
-            all.coefficients += patch.coefficients;
-            all.sigma += patch.sigma;
-            all.untouched += patch.untouched;
+            all.add(patch);
         }
         self.all = all;
         let of_all = self.all.step(interval).unwrap_or(0.0);
@@ -440,36 +410,6 @@ impl Track {
             }
         }
         (self.group, self.is_seen) = (group, is_seen);
-    }
-}
-
-/// A number brought to within `limit` of 0; as it is if the limit is not known.
-fn limited(x: f64, limit: f64) -> f64 {
-    x.max(-limit).min(limit)
-}
-
-impl Common {
-    /// Without taxels of this frame.
-    fn start(self) -> Self {
-        Self { excess: 0.0, coefficients: 0.0, sigma: 0.0, untouched: 0, ..self }
-    }
-
-    /// How far the offset moves in a frame; `None` where too few taxels are untouched.
-    fn step(&mut self, interval: f64) -> Option<f64> {
-        if self.untouched < COMMON || self.coefficients <= 0.0 {
-            self.velocity = 0.0;
-            return None;
-        }
-        // Before this frame the zeros have not moved by the velocity yet.
-        let foreseen = interval * self.velocity;
-        let beyond = self.excess / self.coefficients - foreseen;
-        let limit = COMMON_LIMIT * self.sigma / self.untouched as f64;
-        let kept = (-interval / COMMON_S).exp();
-        let step = foreseen + (1.0 - kept * kept) * beyond;
-        if interval > 0.0 {
-            self.velocity = limited(self.velocity + (1.0 - kept).powi(2) / interval * beyond, limit);
-        }
-        Some(limited(step, interval * limit))
     }
 }
 
