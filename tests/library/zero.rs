@@ -8,7 +8,8 @@ use dermatome::id::VertexId;
 use dermatome::mesh::shapes;
 use dermatome::pyramid::LevelId;
 use dermatome::signal::{
-    Channel, ConditionOptions, Conditioner, Frame, Stage, Zero, ZeroReport, ZeroTracker,
+    Channel, ConditionOptions, Conditioner, ContactTracker, Frame, Rest, Stage, TrackerOptions, Zero,
+    ZeroReport, ZeroTracker,
 };
 use dermatome::skin::PatchId;
 use glam::DVec3;
@@ -230,6 +231,89 @@ fn the_zeros_of_a_replaced_module_are_taken_again() {
     for seed in [14, 31, 32, 33, 34, 35] {
         let (error, replaced) = error_after_a_module_was_replaced(seed);
         assert!(error < 100.0 && replaced == 1, "seed {seed}: {error} counts, {replaced} replaced");
+    }
+}
+
+/// A sheet of 400 taxels with a noise of 1, and what its taxels read above their zeros: `pressed` by time and taxel.
+fn drifting_sheet(
+    map: &SkinMap,
+    drifts: &[f64],
+    hz: f64,
+    seconds: f64,
+    pressed: impl Fn(f64, usize) -> f64,
+    mut check: impl FnMut(f64, &Frame),
+) {
+    let mut random = Random(21);
+    let speeds: Vec<f64> = (0..800).map(|_| (1.0 + 0.3 * random.normal()).max(0.0)).collect();
+    let (mut tracker, mut frame) = (ZeroTracker::new(map, &[Channel::default()]), Frame::new(map, 1));
+    for k in 0..(seconds * hz) as u32 {
+        frame.time = f64::from(k) / hz;
+        for (id, drift) in frame.values.ids().zip(drifts) {
+            for v in frame.values[id][0].ids() {
+                let zero = 1000.0 + drift * speeds[v.index() + 400 * id.index()] * frame.time;
+                frame.values[id][0][v] = zero + random.normal() + pressed(frame.time, v.index());
+            }
+        }
+        check(frame.time, tracker.apply(&frame));
+    }
+}
+
+fn sheet() -> SkinMap {
+    SkinMap::flat(shapes::lattice(20, 20, 0.004), 1e-3)
+}
+
+/// Neighbours that drift together are no evidence of a touch, and one that comes later is found.
+#[test]
+fn a_drift_that_all_taxels_share_is_no_contact() {
+    let map = sheet();
+    for drift in [0.4, -0.4] {
+        let options = TrackerOptions { rest: Rest::AtZero, threshold: None, ..TrackerOptions::default() };
+        let mut contacts = ContactTracker::new(&map, &Channel::default(), &options).unwrap();
+        let mut found = 0;
+        let press =
+            |time: f64, taxel: usize| if time >= 30.0 && (210..214).contains(&taxel) { 20.0 } else { 0.0 };
+        drifting_sheet(&map, &[drift], 20.0, 31.0, press, |time, frame| {
+            let regions = contacts.track(frame);
+            assert!(time >= 30.0 || regions.is_empty(), "drift {drift}: {} at {time} s", regions.len());
+            found = found.max(regions.len());
+        });
+        assert_eq!(found, 1, "drift {drift}");
+    }
+}
+
+/// Two patches that drift in opposite directions have no drift in common.
+#[test]
+fn each_patch_has_a_drift_of_its_own() {
+    let mut map = sheet();
+    map.patches.push(map.patches[patch()].clone());
+    drifting_sheet(
+        &map,
+        &[0.4, -0.4],
+        10.0,
+        20.0,
+        |_, _| 0.0,
+        |time, frame| {
+            for (id, channels) in frame.values.enumerate() {
+                let mean = channels[0].iter().sum::<f64>() / 400.0;
+                assert!(time < 8.0 || mean.abs() < 0.4, "patch {}: {mean} at {time} s", id.index());
+            }
+        },
+    );
+}
+
+/// Neither a strong nor a weak touch of most of a sheet is taken for drift.
+#[test]
+fn a_touch_of_most_of_a_sheet_keeps_its_force() {
+    let map = sheet();
+    for (height, least) in [(40.0, 0.98), (8.0, 0.95), (5.0, 0.75)] {
+        let press = |time: f64, taxel: usize| if time >= 10.0 && taxel < 240 { height } else { 0.0 };
+        let mut left = 0.0;
+        drifting_sheet(&map, &[0.0], 10.0, 40.0, press, |time, frame| {
+            if time >= 39.0 {
+                left += frame.values[patch()][0].iter().take(240).sum::<f64>() / (2400.0 * height);
+            }
+        });
+        assert!(left > least && left < 1.02, "{left} of {height} are left");
     }
 }
 

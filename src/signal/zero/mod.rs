@@ -1,25 +1,30 @@
 //! Follows the zero of each taxel, the reading of an untouched one, and only where nothing touches.
 //!
 //! Zeros of tactile sensors drift by many times their noise: with temperature, all in about the same direction, and each
-//! by itself. A zero that follows readings at all times swallows a contact that is held. Here each taxel of a channel
-//! follows its own readings while neither it nor a neighbour on the mesh is *active*, and otherwise the common drift of
-//! those that are untouched, times a coefficient of its own:
+//! by itself. A zero that follows readings at all times swallows a contact that is held. Here all zeros of a patch follow
+//! the common drift of its untouched taxels, and each taxel follows its own readings while neither it nor a neighbour on the
+//! mesh is *active*:
 //!
 //! 1. The noise `sigma` of a taxel is that of the differences of successive readings.
 //! 2. A taxel is active from `5 sigma` above its zero on until it falls below `2.5 sigma` and 12 % of its peak. For a
 //!    second after it, what the sensor has not yet released counts as zero.
-//! 3. Untouched taxels follow: `zero += (1 - exp(-dt / 5 s)) x`, with the excess `x` limited to `2 sigma`; the mean of a
-//!    zero that is younger than 5 s.
-//! 4. Touched taxels follow the mean change of at least 20 untouched ones, times a coefficient that is estimated while
-//!    they are untouched: from how far they and the mean have moved since their zero was taken.
+//! 3. All zeros of a patch move with the mean excess of its untouched taxels: a fading memory of 1 s of its offset and its
+//!    velocity, at most `0.6 sigma` a second, times a coefficient of each taxel. This is estimated while the taxel is untouched,
+//!    from how far its zero and the common drift have moved since the zero was taken. Taxels whose sum with those next
+//!    to them is `5 sigma` of that sum are left out: they may be touched weakly. A patch with fewer than 20 others moves
+//!    with all patches, or not at all.
+//! 4. Untouched taxels follow what is left: `zero += (1 - exp(-dt / 5 s)) x`, with the excess `x` limited to `2 sigma`; the
+//!    mean of a zero that is younger than 5 s.
 //! 5. A taxel `5 sigma` below its zero for five frames had its zero taken in contact: its zero is taken again. Where
 //!    connected taxels jump at once and some fall below their zero, a module was replaced: all of theirs are.
 //!
 //! *Heuristic*; measured on simulated recordings with a drift of 1 % of the full scale a minute: a force error of 2 %
-//! where the mean of the first frames has 40 %. A zero that drifts by more than `0.4 sigma` a second, or a
-//! module whose readings all rise at once, looks like a touch, and a taxel
-//! whose readings cannot fall below zero keeps a zero that was taken in contact.
+//! where the mean of the first frames has 40 %. Zeros that drift together by up to `0.4 sigma` a second make no contact; at
+//! 0.6 some do. A module whose readings all rise at once looks like a touch, a touch that raises most taxels of a patch by
+//! less than `5 sigma` fades in seconds, and a taxel whose readings cannot fall below zero keeps a zero that was taken in
+//! contact.
 
+mod common;
 mod track;
 
 use crate::id::{IdVec, VertexId};
@@ -75,10 +80,10 @@ impl ZeroTracker {
     pub(crate) fn starting(map: &SkinMap, channels: &[Channel], seconds: f64, frames: usize) -> Self {
         let neighbours =
             neighbours(map.patches.iter().map(|patch| &patch.levels[LevelId::new(0)].level.mesh));
-        let taxels = neighbours.len();
+        let taxels = || map.patches.iter().map(|patch| patch.taxels.ids.len());
         let track = |channel: &Channel| {
             let is_signed = channel.kind == ChannelKind::Tangential;
-            channel.kind.is_of_touch().then(|| Track::new(taxels, is_signed, (seconds, frames)))
+            channel.kind.is_of_touch().then(|| Track::new(taxels(), is_signed, (seconds, frames)))
         };
         Self {
             neighbours,

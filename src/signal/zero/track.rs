@@ -1,9 +1,10 @@
 //! The zeros of one channel: which taxels are active, and how zeros move.
 
-use std::mem;
+use std::{iter, mem};
 
 use crate::numeric::{Csr, median_of, storable};
 use crate::signal::clock::SAME_S;
+use crate::signal::zero::common::{Common, limited};
 use crate::signal::{QUANTISATION, RunningNoise};
 
 /// Excess over `sigma` from which a taxel is active or below its zero, and below which it is not active any more.
@@ -39,9 +40,6 @@ const MODULE_TAXELS: usize = 6;
 const MODULE_BELOW: usize = 2;
 const JUMP: f64 = 8.0;
 const SHIFT: f64 = 3.0;
-
-/// Untouched taxels that have a common drift.
-const COMMON: usize = 20;
 
 /// How often coefficients are estimated, in s.
 const COEFFICIENTS_S: f64 = 5.0;
@@ -83,8 +81,9 @@ pub(super) struct Track {
     estimated: f64,
     /// The smallest difference of two readings of a taxel; infinite before there is any.
     quantum: f64,
-    /// The sum of the common drift.
-    drift: f64,
+    /// The common drift of each patch, and of all.
+    patches: Vec<Common>,
+    all: Common,
     pub(super) report: ZeroReport,
 }
 
@@ -132,7 +131,10 @@ const UNKNOWN: Taxel = Taxel {
 
 impl Track {
     /// `start`: the first zero is the mean of the frames of this time, in s, and of this many at least.
-    pub(super) fn new(taxels: usize, is_signed: bool, start: (f64, usize)) -> Self {
+    /// `patches`: the number of taxels of each.
+    pub(super) fn new(patches: impl Iterator<Item = usize>, is_signed: bool, start: (f64, usize)) -> Self {
+        let patches: Vec<_> = patches.map(Common::of).collect();
+        let taxels = patches.iter().map(|patch| patch.taxels).sum();
         Self {
             is_signed,
             start,
@@ -147,7 +149,8 @@ impl Track {
             now: 0.0,
             estimated: 0.0,
             quantum: f64::INFINITY,
-            drift: 0.0,
+            patches,
+            all: Common::default(),
             report: ZeroReport::default(),
         }
     }
@@ -230,7 +233,7 @@ impl Track {
                 taxel.zero += step;
                 *excess -= step;
                 (taxel.is_active, taxel.peak) = (false, 0.0);
-                taxel.anchor = [taxel.zero, self.drift];
+                taxel.anchor = [taxel.zero, 0.0];
             }
             return;
         }
@@ -243,50 +246,87 @@ impl Track {
             self.take_zeros_below();
             self.take_zeros_of_modules(neighbours);
         }
-        let (mut sum, mut weight, mut count) = (0.0, 0.0, 0_usize);
-        for ((taxel, &x), &is_blocked) in self.taxels.iter().zip(&self.excess).zip(&self.is_blocked) {
-            if !is_blocked && x.is_finite() {
-                let limit = LIMIT * taxel.sigma;
-                sum += limited(x, limit);
-                weight += taxel.coefficient;
-                count += 1;
-            }
-        }
-        let share = 1.0 - (-interval / FOLLOW_S).exp();
-        let drift = if count >= COMMON && weight > 0.0 { share * sum / weight } else { 0.0 };
-        self.drift += drift;
         let is_estimated = self.now - self.estimated >= COEFFICIENTS_S - SAME_S;
         if is_estimated {
             self.estimated = self.now;
         }
-        for ((taxel, excess), &is_blocked) in
-            self.taxels.iter_mut().zip(&mut self.excess).zip(&self.is_blocked)
-        {
+        self.follow_common(neighbours, interval);
+        let share = 1.0 - (-interval / FOLLOW_S).exp();
+        let drift = self.patches.iter().flat_map(|patch| iter::repeat_n(patch.drift, patch.taxels));
+        let of_taxel = self.taxels.iter_mut().zip(&mut self.excess).zip(&self.is_blocked).zip(drift);
+        for (((taxel, excess), &is_blocked), drift) in of_taxel {
             if !excess.is_finite() {
                 continue;
             }
             taxel.age += 1;
             let is_young = self.now - taxel.zero_since < YOUNG_S - SAME_S;
-            let step = if is_blocked {
+            if is_blocked {
                 taxel.free_since = self.now;
-                taxel.coefficient * drift
             } else {
-                let limit = LIMIT * taxel.sigma;
                 let share = if is_young { share.max(f64::from(taxel.age).recip()) } else { share };
-                share * limited(*excess, limit)
-            };
-            taxel.zero += step;
-            *excess -= step;
+                let step = share * limited(*excess, LIMIT * taxel.sigma);
+                taxel.zero += step;
+                *excess -= step;
+            }
             if is_young {
-                taxel.anchor = [taxel.zero, self.drift];
+                taxel.anchor = [taxel.zero, drift];
             } else if is_estimated && !is_blocked && self.now - taxel.free_since >= YOUNG_S - SAME_S {
-                let (own, common) = (taxel.zero - taxel.anchor[0], self.drift - taxel.anchor[1]);
+                let (own, common) = (taxel.zero - taxel.anchor[0], drift - taxel.anchor[1]);
                 let prior = PRIOR * taxel.sigma * taxel.sigma;
                 let found = (own * common + prior) / (common * common + prior);
                 if found.is_finite() {
                     taxel.coefficient = found.clamp(COEFFICIENTS[0], COEFFICIENTS[1]);
                 }
             }
+        }
+    }
+
+    /// Moves the zeros of all taxels by the common drift of the untouched ones of their patch, times their coefficients; by
+    /// that of all patches where a patch has too few.
+    fn follow_common(&mut self, neighbours: &Csr<u32>, interval: f64) {
+        let (taxels, excess, is_signed) = (&self.taxels, &self.excess, self.is_signed);
+        let height = |x: f64| if is_signed { x.abs() } else { x };
+        // A touch that is too weak for each of its taxels is no common drift.
+        let is_raised = |k: usize| {
+            if height(excess[k]) <= taxels[k].sigma {
+                return false;
+            }
+            let (mut sum, mut variance) = (0.0, 0.0);
+            for k in neighbours[k].iter().map(|&k| k as usize).chain([k]) {
+                if excess[k].is_finite() {
+                    sum += excess[k];
+                    variance += taxels[k].sigma.powi(2);
+                }
+            }
+            height(sum) > ACTIVE * variance.sqrt()
+        };
+        let (mut first, mut all) = (0, self.all.start());
+        for patch in &mut self.patches {
+            *patch = patch.start();
+            for k in first..first + patch.taxels {
+                let (taxel, x) = (&taxels[k], excess[k]);
+                let is_known = x.is_finite() && taxel.sigma.is_finite();
+                if is_known && !self.is_blocked[k] && !is_raised(k) {
+                    patch.take(limited(x, LIMIT * taxel.sigma), taxel.coefficient, taxel.sigma);
+                }
+            }
+            first += patch.taxels;
+            all.add(patch);
+        }
+        self.all = all;
+        let of_all = self.all.step(interval).unwrap_or(0.0);
+        first = 0;
+        for patch in &mut self.patches {
+            let step = patch.step(interval).unwrap_or(of_all);
+            patch.drift += step;
+            let taxels = first..first + patch.taxels;
+            for (taxel, excess) in self.taxels[taxels.clone()].iter_mut().zip(&mut self.excess[taxels]) {
+                // Unknown where there is no reading.
+                let step = taxel.coefficient * step;
+                taxel.zero += step;
+                *excess -= step;
+            }
+            first += patch.taxels;
         }
     }
 
@@ -371,11 +411,6 @@ impl Track {
         }
         (self.group, self.is_seen) = (group, is_seen);
     }
-}
-
-/// A number brought to within `limit` of 0; as it is if the limit is not known.
-fn limited(x: f64, limit: f64) -> f64 {
-    x.max(-limit).min(limit)
 }
 
 impl Taxel {
