@@ -7,7 +7,7 @@ use glam::DVec2;
 use crate::id::{IdVec, VertexId, define_id};
 use crate::map::{MapError, PatchMap, SkinMap};
 use crate::pyramid::{LevelId, Prolongation};
-use crate::skin::{PatchId, RegionName, is_region_name, region_names};
+use crate::skin::{PatchId, RegionName, is_region_name, names_of};
 
 define_id!(
     /// A named region of a map.
@@ -119,7 +119,7 @@ impl SkinMap {
     /// The named regions.
     pub fn regions(&self) -> Regions {
         let names: IdVec<RegionId, RegionName> =
-            region_names(self.patches.iter().map(|patch| &patch.taxels)).into();
+            names_of(self.patches.iter().map(|patch| &patch.taxels.regions)).into();
         let numbers: HashMap<&RegionName, RegionId> =
             names.enumerate().map(|(id, name)| (name, id)).collect();
         let number = |name: &Option<RegionName>| name.as_ref().and_then(|name| numbers.get(name).copied());

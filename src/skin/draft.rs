@@ -10,7 +10,8 @@ use crate::skin::columns::columns;
 use crate::skin::link::append_links;
 use crate::skin::motion::moved_links;
 use crate::skin::{
-    Covariance, Joints, Link, LinkId, Motion, Presence, RegionName, Remark, SkinError, TaxelError, TaxelId,
+    Covariance, Joints, Link, LinkId, Modalities, Motion, Presence, RegionName, Remark, SkinError,
+    TaxelError, TaxelId,
 };
 
 /// Bodies of robots are smaller, in m. One in millimetres is read as a thousand times larger, so its unit is
@@ -90,6 +91,8 @@ columns! {
     joints: Option<Vec<Joints>>,
     /// The named region that each taxel is in, if it is in one.
     regions: Option<Vec<Option<RegionName>>>,
+    /// What each taxel senses; `None`: what its presence says, which else follows from this unless it is absent.
+    modalities: Option<Vec<Option<Modalities>>>,
 }
 
 impl Draft {

@@ -12,8 +12,9 @@ use glam::{DAffine3, DMat3, DVec3};
 use crate::id::{IdVec, VertexId};
 use crate::mesh::{TriMesh, surface_normals};
 use crate::numeric::Covariance;
-use crate::skin::LinkId;
 use crate::skin::columns::{Column, columns};
+use crate::skin::modality::presence_of;
+use crate::skin::{LinkId, Modalities, are_modalities};
 
 /// The number a vendor gave to a taxel: any 32-bit integer, duplicates and placeholders included.
 ///
@@ -50,6 +51,8 @@ pub enum Presence {
     /// A thermal pad: it has a position but no pressure reading.
     #[strum(serialize = "thermal")]
     ThermalPad,
+    /// A sensor of other modalities: it has a position but no pressure reading.
+    Other,
 }
 
 impl Presence {
@@ -64,6 +67,7 @@ impl Presence {
             Self::Absent => 0,
             Self::Present => 1,
             Self::ThermalPad => 2,
+            Self::Other => 3,
         }
     }
 
@@ -72,7 +76,7 @@ impl Presence {
         self.into()
     }
 
-    const ALL: [Self; 3] = [Self::Absent, Self::Present, Self::ThermalPad];
+    const ALL: [Self; 4] = [Self::Absent, Self::Present, Self::ThermalPad, Self::Other];
 
     /// The presence with the number `code` in files.
     pub(crate) fn from_code(code: f64) -> Option<Self> {
@@ -118,6 +122,8 @@ columns! {
     joints: Option<IdVec<VertexId, Joints>>,
     /// The named region that each taxel is in, if it is in one; `None`: none is.
     regions: Option<IdVec<VertexId, Option<RegionName>>>,
+    /// What each taxel senses; `None`, of one taxel or of all: what its presence says.
+    modalities: Option<IdVec<VertexId, Option<Modalities>>>,
 }
 
 /// The name of a region of the skin: 1 to 100 characters, none of them a control character.
@@ -128,10 +134,12 @@ pub(crate) fn is_region_name(name: &str) -> bool {
     (1..=100).contains(&name.chars().count()) && !name.chars().any(char::is_control)
 }
 
-/// The regions of patches, each once, in the order of their first taxels.
-pub(crate) fn region_names<'a>(patches: impl Iterator<Item = &'a Taxels>) -> Vec<RegionName> {
+/// The names in columns of patches, each once, in the order of their first taxels.
+pub(crate) fn names_of<'a>(
+    columns: impl Iterator<Item = &'a Option<IdVec<VertexId, Option<Arc<str>>>>>,
+) -> Vec<Arc<str>> {
     let mut seen = HashSet::new();
-    let names = patches.flat_map(|taxels| taxels.regions.iter().flatten().flatten());
+    let names = columns.flat_map(|column| column.iter().flatten().flatten());
     names.filter(|name| seen.insert(*name)).cloned().collect()
 }
 
@@ -227,9 +235,10 @@ impl Taxels {
             joints,
             binds,
             regions,
+            modalities,
+            presence,
             ids: _,
             are_counted: _,
-            presence: _,
             densities: _,
             weights: _,
             acuities: _,
@@ -262,6 +271,16 @@ impl Taxels {
             regions.iter().flat_map(IdVec::enumerate).filter_map(|(v, name)| Some((v, name.as_ref()?)));
         if let Some((vertex, found)) = named.into_iter().find(|(_, name)| !is_region_name(name)) {
             return Err(TaxelError::Region { vertex, found: found.to_string() });
+        }
+        let named =
+            modalities.iter().flat_map(IdVec::enumerate).filter_map(|(v, of)| Some((v, of.as_deref()?)));
+        for (vertex, of) in named {
+            let found = presence[vertex];
+            if !are_modalities(of) {
+                return Err(TaxelError::Modalities { vertex, found: of.to_owned() });
+            } else if ![Presence::Absent, presence_of(of)].contains(&found) {
+                return Err(TaxelError::NotSensed { vertex, found, modalities: of.to_owned() });
+            }
         }
         let known = covariances.iter().flat_map(IdVec::enumerate).filter_map(|(v, c)| Some((v, c.as_ref()?)));
         match first(known, is_covariance) {
@@ -358,6 +377,10 @@ fn is_covariance(&Covariance { xx, xy, xz, yy, yz, zz }: &Covariance) -> bool {
         && minors.iter().all(|&(minor, degree)| minor >= -COVARIANCE_TOLERANCE * trace.powi(degree))
 }
 
+/// What the texts of modalities need.
+pub(crate) const NAMES_OF_MODALITIES: &str =
+    "names of modalities joined by `+`, each once, of small letters, digits, - and _";
+
 /// Why arrays are not the taxels of a patch.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -390,6 +413,12 @@ pub enum TaxelError {
     Joints { vertex: VertexId, found: Joints },
     #[error("vertex {vertex} is in the region {found:?}; a name of 1 to 100 printable characters is needed")]
     Region { vertex: VertexId, found: String },
+    #[error("vertex {vertex} senses {found:?}; {NAMES_OF_MODALITIES} are needed")]
+    Modalities { vertex: VertexId, found: String },
+    #[error(
+        "vertex {vertex} is {} and senses {modalities}; {} or absent is needed", found.word(), presence_of(modalities).word()
+    )]
+    NotSensed { vertex: VertexId, found: Presence, modalities: String },
     #[error("vertex {vertex} follows link {link}, but there are {links} links")]
     UnknownJoint { vertex: VertexId, link: LinkId, links: usize },
     #[error("the bind of link {link} is not finite; a finite affine map is needed")]
@@ -415,6 +444,8 @@ impl TaxelError {
             | Self::Joints { vertex, .. }
             | Self::UnknownJoint { vertex, .. }
             | Self::Region { vertex, .. }
+            | Self::Modalities { vertex, .. }
+            | Self::NotSensed { vertex, .. }
             | Self::Covariance { vertex, .. } => *vertex = number(*vertex),
             Self::Length { .. } | Self::NoWeight { .. } | Self::Bind { .. } => {}
         }

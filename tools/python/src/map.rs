@@ -295,13 +295,14 @@ impl PyMap {
         vector(py, self.taxels(|_, patch| patch.taxels.ids.iter().map(|id| id.0).collect()))
     }
 
-    /// (N,) uint8 array: 1 a working taxel, 0 none, 2 a thermal pad.
+    /// (N,) uint8 array: 1 a working taxel, 0 none, 2 a thermal pad, 3 another sensor.
     #[getter]
     fn present<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u8>> {
         let code = |presence: &Presence| match presence {
             Presence::Absent => 0,
             Presence::Present => 1,
             Presence::ThermalPad => 2,
+            Presence::Other => 3,
         };
         vector(py, self.taxels(|_, patch| patch.taxels.presence.iter().map(code).collect()))
     }
