@@ -55,7 +55,7 @@ pub(crate) fn field_areas<'a>(
 }
 
 /// The rows of `fine` through those of `coarse`.
-fn product(fine: &Prolongation, coarse: &Prolongation) -> Prolongation {
+pub(super) fn product(fine: &Prolongation, coarse: &Prolongation) -> Prolongation {
     let (mut indices, mut weights) = (IdVec::default(), IdVec::default());
     let mut row: Vec<(VertexId, f64)> = Vec::with_capacity(9);
     for taxel in fine.indices.ids() {
