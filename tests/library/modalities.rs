@@ -4,11 +4,12 @@ use std::path::Path;
 
 use dermatome::body::Modality;
 use dermatome::id::{IdVec, VertexId};
-use dermatome::io::{map_from_bytes, map_to_bytes, read_draft, write_skin};
+use dermatome::io::{RecordingLayout, RecordingWriter, map_from_bytes, map_to_bytes, read_draft, write_skin};
 use dermatome::map::{MapError, SkinMap};
 use dermatome::mesh::shapes;
 use dermatome::pipeline::{BuildOptions, build};
 use dermatome::pyramid::LevelId;
+use dermatome::signal::{Channel, Duplicates, Frame, Join, Restrictor};
 use dermatome::skin::{
     AssembleOptions, Modalities, PatchId, Presence, Skin, SkinError, TaxelError, assemble,
 };
@@ -225,5 +226,107 @@ fn damaged_files_are_refused() {
             damaged[at] = byte;
             let _ = map_from_bytes(damaged);
         }
+    }
+}
+
+/// A channel is of the modality of its name or its quantity, if the map has it.
+#[test]
+fn channels_are_of_the_modality_of_their_quantity() {
+    let map = mixed_map();
+    for (name, unit, expected) in [
+        ("pressure", "kPa", None),
+        ("", "degC", Some("thermal")),
+        ("t", "mK", Some("thermal")),
+        ("thermal", "count", Some("thermal")),
+        ("temperature", "", Some("thermal")),
+        ("proximity.left", "V", Some("proximity")),
+        ("distance", "mm", Some("proximity")),
+        ("acc.x", "m/s^2", None),
+        ("light", "lx", None),
+    ] {
+        assert_eq!(Channel::new(name, unit).unwrap().modality(&map), expected, "{name} in {unit}");
+    }
+    let touch =
+        build(&Skin::from_mesh("palm", shapes::cap(100, 0.1, 0.5)), &BuildOptions::default()).unwrap();
+    assert_eq!(Channel::new("", "degC").unwrap().modality(&touch), None);
+}
+
+/// Sensors of a modality get the readings of its channels, other taxels none of them, and sums and constants are kept on
+/// every level by the sensors that have a reading.
+#[test]
+fn readings_go_to_the_fields_of_their_modality() {
+    let map = mixed_map();
+    let id = PatchId::new(0);
+    let channels = [("pressure", "kPa"), ("temperature", "degC"), ("proximity", "N")];
+    let channels = channels.map(|(name, unit)| Channel::new(name, unit).unwrap());
+    let (thermal, proximity) =
+        (map.patches[id].taxels.sensors("thermal"), map.patches[id].taxels.sensors("proximity"));
+    let mut join = Join::new(&map, None, 231, Duplicates::Refuse).unwrap();
+    assert_eq!(join.report().matched, 231 - thermal.len());
+    join.follow(&map, &channels);
+    assert_eq!((join.report().matched, join.report().masked), (231, 0));
+    let mut values: Vec<f64> = [5.0, 30.0, 2.0].into_iter().flat_map(|x| vec![x; 231]).collect();
+    let (lost, dead) = (thermal[3], proximity[0]);
+    values[231 + lost.index()] = f64::NAN;
+    values[2 * 231 + dead.index()] = f64::NAN;
+    let mut frame = Frame::new(&map, 3);
+    assert_eq!(join.fill(&values, &mut frame), 2);
+    let read = |channel: usize| frame.values[id][channel].iter().filter(|x| x.is_finite()).count();
+    assert_eq!([0, 1, 2].map(read), [231 - thermal.len(), thermal.len() - 1, proximity.len() - 1]);
+
+    let mut restrictor = Restrictor::new(&map, &channels);
+    let levels = restrictor.restrict(&frame);
+    let [of_thermal, of_proximity] = &levels.modalities[..] else { panic!("two modalities") };
+    for (level, fields) in of_thermal.values[1].enumerate() {
+        for (field, value) in fields.enumerate() {
+            let is_lost = level.index() == 0 && thermal[field.index()] == lost;
+            assert_eq!(value.is_nan(), is_lost);
+            assert!(is_lost || (value - 30.0).abs() < 1e-12);
+            assert_eq!(of_thermal.is_measured[1][level][field], !is_lost);
+        }
+    }
+    for fields in &of_proximity.values[2] {
+        let sum: f64 = fields.iter().filter(|x| x.is_finite()).sum();
+        assert!((sum / (2.0 * (proximity.len() - 1) as f64) - 1.0).abs() < 1e-12);
+    }
+    // Channels of others have no values.
+    let others =
+        [&of_thermal.values[0], &of_thermal.values[2], &of_proximity.values[0], &of_proximity.values[1]];
+    assert!(others.into_iter().flatten().flatten().all(|x| x.is_nan()));
+    // Pressures are as of a map that knows nothing of modalities.
+    let plain = SkinMap { body: dermatome::body::Body::default(), ..map.clone() };
+    let mut of_touch = Restrictor::new(&plain, &channels[..1]);
+    let mut alone = Frame::new(&plain, 1);
+    Join::new(&plain, None, 231, Duplicates::Refuse).unwrap().fill(&values[..231], &mut alone);
+    assert_eq!(
+        format!("{:?}", of_touch.restrict(&alone).values[id][0]),
+        format!("{:?}", levels.values[id][0])
+    );
+}
+
+/// Arrays name the levels of a modality that a channel is of, and those alone; no patch has the same keys.
+#[test]
+fn arrays_name_levels_of_modalities() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut map = mixed_map();
+    let mut second = map.patches[PatchId::new(0)].clone();
+    second.name = "arm.thermal".into();
+    map.patches.push(second);
+    assert_eq!(map.validate(), Ok(()));
+    for (unit, is_thermal) in [("degC", true), ("kPa", false)] {
+        let channels = [Channel::new("", unit).unwrap()];
+        let layout = RecordingLayout { channels: &channels, atlas: None, values: true, level: None };
+        let path = folder.path().join(format!("{is_thermal}.npz"));
+        let mut writer = RecordingWriter::create(&path, &map, &layout).unwrap();
+        let mut restrictor = Restrictor::new(&map, &channels);
+        writer.write(restrictor.restrict(&Frame::new(&map, 1)), &[]).unwrap();
+        writer.finish().unwrap();
+        let bytes = std::fs::read(path).unwrap();
+        let has = |key: &str| bytes.windows(key.len()).any(|part| part == key.as_bytes());
+        assert!(has("arm.L0.values.npy") && has("arm%2ethermal.L0.values.npy"));
+        for key in ["arm.thermal.L0.values.npy", "arm.thermal.L1.valid.npy"] {
+            assert_eq!(has(key), is_thermal, "{key}");
+        }
+        assert!(!has("arm.proximity.L0.values.npy"));
     }
 }
