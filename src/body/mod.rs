@@ -46,7 +46,7 @@ pub use gaps::Gap;
 pub use levels::{body_levels, modalities};
 pub(crate) use levels::{is_valid, shrinks};
 pub use links::gap_links;
-pub use modality::Modality;
+pub use modality::{FieldLevel, Modality};
 pub use rows::BodyRows;
 pub(crate) use rows::field_areas;
 

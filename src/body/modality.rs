@@ -8,6 +8,15 @@ use crate::id::{IdVec, VertexId};
 use crate::pyramid::{LevelId, Prolongation};
 use crate::skin::{PatchId, TOUCH, Taxels};
 
+/// Which level without a mesh: of the whole body, or of a modality by its number among those of the body.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct FieldLevel {
+    /// The number of the modality; `None`: the whole body.
+    pub modality: Option<usize>,
+    /// The level.
+    pub level: LevelId,
+}
+
 /// The fields of a modality besides touch on a patch.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Modality {

@@ -5,6 +5,7 @@
 
 mod carried_places;
 mod error;
+mod fields;
 mod frame;
 mod regions;
 

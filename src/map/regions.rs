@@ -47,6 +47,18 @@ impl Regions {
         largest([(of_taxels, rows)], level.mesh.positions.len())
     }
 
+    /// The region of each field of a level without a mesh, from its [rows](SkinMap::field_rows).
+    ///
+    /// # Panics
+    /// If the rows are of another map.
+    pub fn of_fields(
+        &self,
+        rows: &IdVec<PatchId, Option<Prolongation>>,
+    ) -> IdVec<VertexId, Option<RegionId>> {
+        let count = rows.iter().flatten().next().map_or(0, |rows| rows.coarse_len);
+        largest(self.of_taxels.iter().zip(rows).filter_map(|(of, rows)| Some((of, rows.as_ref()?))), count)
+    }
+
     /// The region of each field of a level of the whole body, as of [those of a patch](Self::of_level); `rows` are
     /// [those of its taxels](crate::body::BodyRows).
     ///
