@@ -284,17 +284,3 @@ fn row(at: DVec3, near: &[(usize, f64)], place: impl Fn(usize) -> DVec3) -> [(us
     }
     best.1
 }
-
-/// Checks that the rows of a level fit the level before, and that its centres are taxels for which `exists`.
-pub(crate) fn is_valid(level: &BodyLevel, before: usize, exists: impl Fn(&BodyTaxel) -> bool) -> bool {
-    let BodyLevel { origins, rows } = level;
-    rows.indices.len() == before
-        && rows.coarse_len == origins.len()
-        && rows.validate().is_ok()
-        && origins.iter().all(exists)
-}
-
-/// Whether each level is coarser than the one before.
-pub(crate) fn shrinks(origins: &IdVec<VertexId, BodyTaxel>, before: usize) -> bool {
-    !origins.is_empty() && origins.len() < before
-}

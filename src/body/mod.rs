@@ -44,11 +44,10 @@ use crate::skin::PatchId;
 
 pub use gaps::Gap;
 pub use levels::{body_levels, modalities};
-pub(crate) use levels::{is_valid, shrinks};
 pub use links::gap_links;
 pub use modality::{FieldLevel, Modality};
 pub use rows::BodyRows;
-pub(crate) use rows::field_areas;
+pub(crate) use rows::{field_areas, is_valid, shrinks};
 
 /// A taxel of a body.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]

@@ -2,11 +2,11 @@
 
 use std::iter::successors;
 
-use crate::body::rows::product;
-use crate::body::{BodyLevel, is_valid, shrinks};
+use crate::body::rows::{is_valid, product, shrinks};
+use crate::body::{BodyLevel, BodyTaxel};
 use crate::id::{IdVec, VertexId};
 use crate::pyramid::{LevelId, Prolongation};
-use crate::skin::{PatchId, TOUCH, Taxels};
+use crate::skin::{PatchId, TOUCH, are_modalities};
 
 /// Which level without a mesh: of the whole body, or of a modality by its number among those of the body.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -63,25 +63,23 @@ impl Modality {
         successors(finest, |rows| Some(product(rows, &coarser.next()?.rows))).collect()
     }
 
-    /// Checks the fields against the taxels of their patch: level 0 has its sensors, each level a row for each field of
-    /// the level before and fewer fields, which lie on the patch. Else the first level that is wrong.
-    pub(crate) fn wrong_level(&self, taxels: &Taxels) -> Option<LevelId> {
-        let sensors = taxels.sensors(&self.name);
-        let mut before = taxels.ids.len();
+    /// Checks the fields against the number of taxels of their patch: each level has a row for each field of the level
+    /// before, or for the taxels, and fewer fields, which lie on the patch; those of level 0 ascend. Else the first level
+    /// that is wrong.
+    pub(crate) fn wrong_level(&self, taxels: usize) -> Option<LevelId> {
+        let mut before = taxels;
         let is_wrong = |(number, level): &(LevelId, &BodyLevel)| {
-            let on_patch =
-                |at: &crate::body::BodyTaxel| at.patch == self.patch && at.taxel.index() < taxels.ids.len();
+            let on_patch = |at: &BodyTaxel| at.patch == self.patch && at.taxel.index() < taxels;
             let has_fields = match number.index() {
-                0 => {
-                    !sensors.is_empty() && level.origins.iter().map(|at| at.taxel).eq(sensors.iter().copied())
-                }
+                0 => !level.origins.is_empty() && level.origins.as_slice().is_sorted_by(|a, b| a < b),
                 _ => shrinks(&level.origins, before),
             };
-            let is_right = is_valid(level, before, on_patch) && has_fields;
+            let is_right = has_fields && is_valid(level, before, on_patch);
             before = level.origins.len();
             !is_right
         };
-        if self.levels.is_empty() || self.name == TOUCH {
+        let is_name = are_modalities(&self.name) && !self.name.contains('+') && self.name != TOUCH;
+        if self.levels.is_empty() || !is_name {
             return Some(LevelId::default());
         }
         self.levels.enumerate().find(is_wrong).map(|(number, _)| number)

@@ -89,8 +89,8 @@ pub enum MapError {
     BodyLevel { level: LevelId, before: usize },
     #[error(
         "level {level} of the modality {name:?} of patch {}, counted from 0: patches ascend and have each modality but touch \
-         once; level 0 has its sensors as centres and a row for each taxel of the patch, others have fewer fields than the \
-         level before, taxels of the patch as centres, and a row for each of its fields; weights of a row sum to 1",
+         once; level 0 has sensors of the patch, ascending, and a row for each of its taxels, others have fewer fields than \
+         the level before, taxels of the patch as centres, and a row for each of its fields; weights of a row sum to 1",
         patch.raw()
     )]
     Modality { patch: PatchId, name: String, level: LevelId },

@@ -439,7 +439,7 @@ impl SkinMap {
             let patch = self.patches.get(modality.patch);
             let is_once = earlier.iter().all(|other| key(other) != key(modality))
                 && earlier.last().is_none_or(|last| last.patch <= modality.patch);
-            let wrong = patch.filter(|_| is_once).map(|patch| modality.wrong_level(&patch.taxels));
+            let wrong = patch.filter(|_| is_once).map(|patch| modality.wrong_level(patch.taxels.ids.len()));
             if let Some(level) = wrong.unwrap_or(Some(LevelId::default())) {
                 let (patch, name) = (modality.patch, modality.name.clone());
                 return Err(MapError::Modality { patch, name, level });

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use crate::id::IdVec;
-use crate::map::{PatchMap, SkinMap};
+use crate::map::SkinMap;
 use crate::signal::{Channel, Frame, SignalError};
 use crate::skin::{PatchId, Presence, TaxelId};
 
@@ -137,17 +137,21 @@ impl Join {
     pub fn follow(&mut self, map: &SkinMap, channels: &[Channel]) {
         let of_channel = |channel: &Channel| {
             let modality = channel.modality(map)?;
-            let patches = map.patches.iter().zip(&self.sources).zip(&self.columns);
-            let of_patch = |((patch, sources), columns): ((&PatchMap, &Vec<_>), &Vec<Option<u32>>)| {
-                let sensors = patch.taxels.sensors(modality);
-                if sensors.is_empty() {
-                    return sources.clone();
-                }
+            let patches = map.patches.ids().zip(&self.sources).zip(&self.columns);
+            let of_patch = |((id, _), columns): ((PatchId, &Vec<_>), &Vec<Option<u32>>)| {
+                let mut all = map.body.modalities.iter();
+                let fields =
+                    all.find(|other| other.patch == id && other.name == modality)?.levels.iter().next()?;
                 let mut of_sensors = vec![None; columns.len()];
-                sensors.iter().for_each(|sensor| of_sensors[sensor.index()] = columns[sensor.index()]);
-                of_sensors
+                for at in &fields.origins {
+                    let is_there = map.patches[id].taxels.presence[at.taxel] != Presence::Absent;
+                    of_sensors[at.taxel.index()] = columns[at.taxel.index()].filter(|_| is_there);
+                }
+                Some(of_sensors)
             };
-            Some(patches.map(of_patch).collect())
+            let or_touch =
+                |entry: ((PatchId, &Vec<_>), _)| of_patch(entry).unwrap_or_else(|| entry.0.1.clone());
+            Some(patches.map(or_touch).collect())
         };
         self.others = channels.iter().map(of_channel).collect();
         let mut is_read: Vec<bool> = self.is_matched().collect();

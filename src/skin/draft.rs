@@ -8,6 +8,7 @@ use crate::id::{FaceId, IdVec, VertexId};
 use crate::mesh::{MeshError, is_within_reach, too_many};
 use crate::skin::columns::columns;
 use crate::skin::link::append_links;
+use crate::skin::modality::presence_of;
 use crate::skin::motion::moved_links;
 use crate::skin::{
     Covariance, Joints, Link, LinkId, Modalities, Motion, Presence, RegionName, Remark, SkinError,
@@ -234,6 +235,17 @@ impl Sheet {
         let (name, binds) = (self.name.clone(), self.binds.clone());
         let Self { link, is_bare, are_counted, .. } = *self;
         Self { name, link, is_bare, are_counted, binds, ..self.selected(kept.iter().copied()) }
+    }
+
+    /// Gives taxels that are not absent the presence that their modalities name: readers of files call it.
+    pub(crate) fn follow_modalities(&mut self) {
+        let Some(modalities) = &self.modalities else { return };
+        let all = self.presence.get_or_insert_with(|| vec![Presence::Present; modalities.len()]);
+        for (presence, of) in all.iter_mut().zip(modalities) {
+            if let Some(of) = of.as_deref().filter(|_| *presence != Presence::Absent) {
+                *presence = presence_of(of);
+            }
+        }
     }
 
     /// The first optional array without one entry per vertex, and its length.

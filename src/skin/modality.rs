@@ -1,9 +1,51 @@
-//! Modalities: what the sensors of a taxel measure. A taxel without a word on it senses touch, and a thermal pad heat.
+//! What a slot of the skin holds, and its modalities: what the sensors of a taxel measure. A taxel without a word on it senses touch, and a thermal pad heat.
 
 use std::sync::Arc;
 
-use crate::id::VertexId;
-use crate::skin::{Presence, Sheet, Taxels};
+/// The content of a slot of the skin.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, strum::IntoStaticStr, strum::EnumString)]
+#[strum(serialize_all = "lowercase")]
+pub enum Presence {
+    /// A working taxel.
+    #[default]
+    Present,
+    /// No taxel, or a dead one.
+    Absent,
+    /// A thermal pad: it has a position but no pressure reading.
+    #[strum(serialize = "thermal")]
+    ThermalPad,
+    /// A sensor of other modalities: it has a position but no pressure reading.
+    Other,
+}
+
+impl Presence {
+    /// Whether it is a working taxel.
+    pub(crate) fn reads_pressure(self) -> bool {
+        self == Self::Present
+    }
+
+    /// Its number in files.
+    pub(crate) const fn code(self) -> u8 {
+        match self {
+            Self::Absent => 0,
+            Self::Present => 1,
+            Self::ThermalPad => 2,
+            Self::Other => 3,
+        }
+    }
+
+    /// Its word in tables.
+    pub(crate) fn word(self) -> &'static str {
+        self.into()
+    }
+
+    const ALL: [Self; 4] = [Self::Absent, Self::Present, Self::ThermalPad, Self::Other];
+
+    /// The presence with the number `code` in files.
+    pub(crate) fn from_code(code: f64) -> Option<Self> {
+        Self::ALL.into_iter().find(|p| f64::from(p.code()) == code)
+    }
+}
 
 /// What a taxel senses: one to 16 names of modalities, joined by `+`, each once, such as `touch+thermal`.
 ///
@@ -37,58 +79,15 @@ pub(crate) fn presence_of(modalities: &str) -> Presence {
     }
 }
 
-impl Taxels {
-    /// What a taxel senses, as [`Modalities`]; empty where nothing is known.
-    ///
-    /// # Panics
-    /// If there is no such taxel.
-    pub fn modalities_of(&self, taxel: VertexId) -> &str {
-        let given = self.modalities.as_ref().and_then(|all| all[taxel].as_deref());
-        given.unwrap_or(match self.presence[taxel] {
-            Presence::Present => TOUCH,
-            Presence::ThermalPad => THERMAL,
-            Presence::Absent | Presence::Other => "",
-        })
-    }
-
-    /// The sensors of a modality, ascending: taxels that sense it and are not absent.
-    pub fn sensors(&self, modality: &str) -> Vec<VertexId> {
-        let senses = |v: &VertexId| self.modalities_of(*v).split('+').any(|name| name == modality);
-        let taxels = self.presence.enumerate().filter(|(_, presence)| **presence != Presence::Absent);
-        taxels.map(|(v, _)| v).filter(senses).collect()
-    }
-
-    /// The modalities besides touch that have sensors, in the order of their first ones.
-    pub fn other_modalities(&self) -> Vec<&str> {
-        let mut names = Vec::new();
-        for (v, _) in self.presence.enumerate().filter(|(_, presence)| **presence != Presence::Absent) {
-            let others = self.modalities_of(v).split('+').filter(|name| !["", TOUCH].contains(name));
-            others.for_each(|name| {
-                if !names.contains(&name) {
-                    names.push(name);
-                }
-            });
-        }
-        names
-    }
-}
-
-impl Sheet {
-    /// Gives taxels that are not absent the presence that their modalities name: readers of files call it.
-    pub(crate) fn follow_modalities(&mut self) {
-        let Some(modalities) = &self.modalities else { return };
-        let all = self.presence.get_or_insert_with(|| vec![Presence::Present; modalities.len()]);
-        for (presence, of) in all.iter_mut().zip(modalities) {
-            if let Some(of) = of.as_deref().filter(|_| *presence != Presence::Absent) {
-                *presence = presence_of(of);
-            }
-        }
-    }
-}
+/// What the texts of modalities need.
+pub(crate) const NAMES_OF_MODALITIES: &str =
+    "names of modalities joined by `+`, each once, of small letters, digits, - and _";
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::id::VertexId;
+    use crate::skin::{Sheet, Taxels};
 
     #[test]
     fn a_text_is_names_joined_by_plus_each_once() {

@@ -12,9 +12,11 @@ use glam::{DAffine3, DMat3, DVec3};
 use crate::id::{IdVec, VertexId};
 use crate::mesh::{TriMesh, surface_normals};
 use crate::numeric::Covariance;
+use crate::skin::LinkId;
 use crate::skin::columns::{Column, columns};
-use crate::skin::modality::presence_of;
-use crate::skin::{LinkId, Modalities, are_modalities};
+use crate::skin::modality::{
+    Modalities, NAMES_OF_MODALITIES, Presence, THERMAL, TOUCH, are_modalities, presence_of,
+};
 
 /// The number a vendor gave to a taxel: any 32-bit integer, duplicates and placeholders included.
 ///
@@ -36,51 +38,6 @@ impl fmt::Debug for TaxelId {
 impl fmt::Display for TaxelId {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.0.fmt(f)
-    }
-}
-
-/// The content of a slot of the skin.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, strum::IntoStaticStr, strum::EnumString)]
-#[strum(serialize_all = "lowercase")]
-pub enum Presence {
-    /// A working taxel.
-    #[default]
-    Present,
-    /// No taxel, or a dead one.
-    Absent,
-    /// A thermal pad: it has a position but no pressure reading.
-    #[strum(serialize = "thermal")]
-    ThermalPad,
-    /// A sensor of other modalities: it has a position but no pressure reading.
-    Other,
-}
-
-impl Presence {
-    /// Whether it is a working taxel.
-    pub(crate) fn reads_pressure(self) -> bool {
-        self == Self::Present
-    }
-
-    /// Its number in files.
-    pub(crate) const fn code(self) -> u8 {
-        match self {
-            Self::Absent => 0,
-            Self::Present => 1,
-            Self::ThermalPad => 2,
-            Self::Other => 3,
-        }
-    }
-
-    /// Its word in tables.
-    pub(crate) fn word(self) -> &'static str {
-        self.into()
-    }
-
-    const ALL: [Self; 4] = [Self::Absent, Self::Present, Self::ThermalPad, Self::Other];
-
-    /// The presence with the number `code` in files.
-    pub(crate) fn from_code(code: f64) -> Option<Self> {
-        Self::ALL.into_iter().find(|p| f64::from(p.code()) == code)
     }
 }
 
@@ -217,6 +174,40 @@ impl Taxels {
     /// The acuities; `None` where all are equal, since only ratios matter.
     pub(crate) fn relative_acuities(&self) -> Option<&IdVec<VertexId, f64>> {
         self.acuities.as_ref().filter(|all| all.iter().any(|x| Some(x) != all.first()))
+    }
+
+    /// What a taxel senses, as [`Modalities`]; empty where nothing is known.
+    ///
+    /// # Panics
+    /// If there is no such taxel.
+    pub fn modalities_of(&self, taxel: VertexId) -> &str {
+        let given = self.modalities.as_ref().and_then(|all| all[taxel].as_deref());
+        given.unwrap_or(match self.presence[taxel] {
+            Presence::Present => TOUCH,
+            Presence::ThermalPad => THERMAL,
+            Presence::Absent | Presence::Other => "",
+        })
+    }
+
+    /// The sensors of a modality, ascending: taxels that sense it and are not absent.
+    pub fn sensors(&self, modality: &str) -> Vec<VertexId> {
+        let senses = |v: &VertexId| self.modalities_of(*v).split('+').any(|name| name == modality);
+        let taxels = self.presence.enumerate().filter(|(_, presence)| **presence != Presence::Absent);
+        taxels.map(|(v, _)| v).filter(senses).collect()
+    }
+
+    /// The modalities besides touch that have sensors, in the order of their first ones.
+    pub fn other_modalities(&self) -> Vec<&str> {
+        let mut names = Vec::new();
+        for (v, _) in self.presence.enumerate().filter(|(_, presence)| **presence != Presence::Absent) {
+            let others = self.modalities_of(v).split('+').filter(|name| !["", TOUCH].contains(name));
+            others.for_each(|name| {
+                if !names.contains(&name) {
+                    names.push(name);
+                }
+            });
+        }
+        names
     }
 
     /// Checks the length of every array and its values: the one check of taxels that are assembled, built or
@@ -376,10 +367,6 @@ fn is_covariance(&Covariance { xx, xy, xz, yy, yz, zz }: &Covariance) -> bool {
     trace.is_finite()
         && minors.iter().all(|&(minor, degree)| minor >= -COVARIANCE_TOLERANCE * trace.powi(degree))
 }
-
-/// What the texts of modalities need.
-pub(crate) const NAMES_OF_MODALITIES: &str =
-    "names of modalities joined by `+`, each once, of small letters, digits, - and _";
 
 /// Why arrays are not the taxels of a patch.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

@@ -208,7 +208,7 @@ fn damaged_files_are_refused() {
         at.unwrap_or_else(|| panic!("no {text}"))
     };
     for (from, to) in [
-        ("\"name\":\"thermal\"", "\"name\":\"thermic\""),
+        ("\"name\":\"thermal\"", "\"name\":\"Thermal\""),
         ("\"patch\":0,", "\"patch\":7,"),
         ("[\"thermal\",", "[\"Thermal\","),
         ("[\"thermal\",\"touch+proximity\"]", "[\"thermal\"                  ]"),

@@ -132,7 +132,11 @@ pub(crate) fn field_level(map: &SkinMap, name: &str) -> PyResult<FieldLevel> {
     }
     known.truncate(10);
     let names: Vec<String> = known.iter().map(|(_, name)| format!("{name:?}")).collect();
-    Err(bad("level", format!("{name:?}"), format!("a number, or one of Map.field_levels: {}", names.join(", "))))
+    Err(bad(
+        "level",
+        format!("{name:?}"),
+        format!("a number, or one of Map.field_levels: {}", names.join(", ")),
+    ))
 }
 
 /// Carries readings of the taxels of a map to the fields of a level of the whole body or of a modality, whose sensors they are
