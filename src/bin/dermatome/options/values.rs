@@ -91,6 +91,9 @@ pub(crate) const PROBES: [Choice<Probe>; 3] = [
     ),
 ];
 
+/// A level without a mesh, and its name.
+pub(crate) type NamedLevel = (FieldLevel, String);
+
 /// A level of the patches, or the name of one without a mesh.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum LevelArg {
@@ -103,7 +106,7 @@ impl LevelArg {
     pub(crate) fn sort(
         levels: &[Self],
         map: Option<&SkinMap>,
-    ) -> anyhow::Result<(Vec<LevelId>, Vec<(FieldLevel, String)>)> {
+    ) -> anyhow::Result<(Vec<LevelId>, Vec<NamedLevel>)> {
         let (mut patches, mut fields) = (Vec::new(), Vec::new());
         for level in levels {
             match level {
@@ -116,7 +119,7 @@ impl LevelArg {
 }
 
 /// The level without a mesh that a name is of; refuses one that a map does not have.
-fn field_level(name: &str, map: Option<&SkinMap>) -> anyhow::Result<(FieldLevel, String)> {
+fn field_level(name: &str, map: Option<&SkinMap>) -> anyhow::Result<NamedLevel> {
     if let Some(level) = Body::number_of(name) {
         check_body_level(level, map)?;
         return Ok((FieldLevel { modality: None, level }, format!("body.L{level}")));
