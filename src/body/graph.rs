@@ -3,13 +3,13 @@
 use crate::body::BodyTaxel;
 use crate::body::rest::{Rest, are_joined};
 use crate::bvh::{Aabb, BoxTree};
-use crate::id::IdVec;
-use crate::mesh::edges;
+use crate::id::{IdVec, VertexId};
+use crate::mesh::{TriMesh, edges};
 use crate::numeric::{Csr, DisjointSets};
 use crate::pyramid::Level;
 use crate::skin::{PatchId, Skin};
 
-/// The fields of the coarsest levels of all patches, numbered patch after patch.
+/// The fields of the coarsest levels of all patches, numbered patch after patch, or the taxels of one.
 pub(super) struct Graph {
     /// Their neighbours, and the lengths of the ways to them, in m.
     pub(super) ways: Csr<(u32, f64)>,
@@ -54,6 +54,19 @@ impl Graph {
             [(a, (number(b), length)), (b, (number(a), length))]
         };
         Self { ways: Csr::from_pairs(origins.len(), all.iter().flat_map(both)), origins }
+    }
+}
+
+impl Graph {
+    /// The taxels of a patch, joined along its mesh.
+    pub(super) fn of_patch(patch: PatchId, mesh: &TriMesh) -> Self {
+        let both = |[a, b]: [VertexId; 2]| {
+            let length = mesh.positions[a].distance(mesh.positions[b]);
+            [(a.index(), (b.raw(), length)), (b.index(), (a.raw(), length))]
+        };
+        let origins = mesh.positions.ids().map(|taxel| BodyTaxel { patch, taxel }).collect();
+        let ways = Csr::from_pairs(mesh.positions.len(), edges(mesh).into_iter().flat_map(both));
+        Self { ways, origins }
     }
 }
 

@@ -1,4 +1,4 @@
-//! The levels of the whole body: centres by distances along it, and rows that keep places.
+//! The levels of the whole body and of modalities: centres by distances along it, and rows that keep places.
 
 use std::array::from_fn;
 
@@ -6,10 +6,10 @@ use glam::DVec3;
 
 use crate::body::graph::Graph;
 use crate::body::rest::Rest;
-use crate::body::{BodyLevel, BodyTaxel};
+use crate::body::{BodyLevel, BodyTaxel, Modality};
 use crate::id::{IdVec, VertexId};
-use crate::mesh::boundary_edges;
-use crate::numeric::{each_by_distance, hash, place_hash, solve_system};
+use crate::mesh::{TriMesh, boundary_edges};
+use crate::numeric::{each_by_distance, hash, nearest_sources, place_hash, solve_system};
 use crate::pyramid::{Level, LevelId, Prolongation};
 use crate::skin::{PatchId, Skin};
 
@@ -51,18 +51,64 @@ pub fn body_levels(
     let rest = Rest::new(skin);
     let graph = Graph::new(skin, &rest, links, coarsest);
     let places: Vec<DVec3> = graph.origins.iter().map(|&at| rest.positions[rest.number(at)]).collect();
-    let priorities = priorities(skin, coarsest, &graph);
+    let priorities = priorities(skin, coarsest.iter().map(|level| &level.mesh), &graph);
+    coarsen(&graph, &places, &priorities, (0..graph.origins.len()).collect(), &mut levels);
+    levels
+}
+
+/// The fields of each modality besides touch, of each patch: level 0 has one for each sensor, the last level has one.
+pub fn modalities(skin: &Skin) -> Vec<Modality> {
+    let mut all = Vec::new();
+    for (id, patch) in skin.patches.enumerate() {
+        let names = patch.taxels.other_modalities();
+        if names.is_empty() {
+            continue;
+        }
+        let graph = Graph::of_patch(id, &patch.mesh);
+        let places = patch.mesh.positions.as_slice();
+        let priorities = priorities(skin, [&patch.mesh].into_iter(), &graph);
+        for name in names {
+            let sensors: Vec<usize> = patch.taxels.sensors(name).into_iter().map(VertexId::index).collect();
+            let mut levels = IdVec::default();
+            let origins = sensors.iter().map(|&sensor| graph.origins[sensor]).collect();
+            levels.push(BodyLevel { origins, rows: sensor_rows(&graph, &sensors, places) });
+            coarsen(&graph, places, &priorities, sensors, &mut levels);
+            all.push(Modality { patch: id, name: name.to_owned(), levels });
+        }
+    }
+    all
+}
+
+/// Adds levels above these fields, by their numbers in the graph, to one field.
+fn coarsen(
+    graph: &Graph,
+    places: &[DVec3],
+    priorities: &[(bool, bool, u64)],
+    mut fields: Vec<usize>,
+    levels: &mut IdVec<LevelId, BodyLevel>,
+) {
     let mut scratch = Scratch::new(graph.origins.len());
-    // Numbers of fields in the graph.
-    let mut fields: Vec<usize> = (0..graph.origins.len()).collect();
     while fields.len() > 1 {
-        let centres = choose(&graph, &fields, &priorities, &mut scratch);
-        let rows = rows(&graph, &fields, &centres, &places, &mut scratch);
+        let centres = choose(graph, &fields, priorities, &mut scratch);
+        let rows = rows(graph, &fields, &centres, places, &mut scratch);
         let origins = centres.iter().map(|&field| graph.origins[field]).collect();
         levels.push(BodyLevel { origins, rows });
         fields = centres;
     }
-    levels
+}
+
+/// The taxels of a patch in terms of some of them; each of those has a field of its own.
+fn sensor_rows(graph: &Graph, sensors: &[usize], places: &[DVec3]) -> Prolongation {
+    let numbers = sensors.iter().map(|&sensor| graph.origins[sensor].taxel.raw());
+    let mut near = nearest_sources(&graph.ways, numbers, NEAREST);
+    sensors.iter().enumerate().for_each(|(field, &sensor)| near[sensor] = vec![(field, 0.0)]);
+    let (mut indices, mut weights) = (IdVec::default(), IdVec::default());
+    for (near, &at) in near.iter().zip(places) {
+        let row = row(at, near, |field| places[sensors[field]]);
+        indices.push(row.map(|(field, _)| VertexId::new(field)));
+        weights.push(row.map(|(_, weight)| weight));
+    }
+    Prolongation { indices, weights, coarse_len: sensors.len() }
 }
 
 /// Distances from a field; infinite but for those that were reached.
@@ -94,12 +140,16 @@ impl Scratch {
 }
 
 /// For each field of the graph a key: rims first, then live taxels, then any order that depends on no axis.
-fn priorities(skin: &Skin, coarsest: &IdVec<PatchId, &Level>, graph: &Graph) -> Vec<(bool, bool, u64)> {
+fn priorities<'a>(
+    skin: &Skin,
+    meshes: impl Iterator<Item = &'a TriMesh>,
+    graph: &Graph,
+) -> Vec<(bool, bool, u64)> {
     let mut is_inside = Vec::with_capacity(graph.origins.len());
-    for level in coarsest {
+    for mesh in meshes {
         let start = is_inside.len();
-        is_inside.resize(start + level.origins.len(), true);
-        boundary_edges(&level.mesh).iter().flatten().for_each(|v| is_inside[start + v.index()] = false);
+        is_inside.resize(start + mesh.positions.len(), true);
+        boundary_edges(mesh).iter().flatten().for_each(|v| is_inside[start + v.index()] = false);
     }
     let key = |(field, at): (usize, &BodyTaxel)| {
         let patch = &skin.patches[at.patch];
@@ -233,18 +283,4 @@ fn row(at: DVec3, near: &[(usize, f64)], place: impl Fn(usize) -> DVec3) -> [(us
         }
     }
     best.1
-}
-
-/// Checks that the rows of a level fit the level before, and that its centres are taxels for which `exists`.
-pub(crate) fn is_valid(level: &BodyLevel, before: usize, exists: impl Fn(&BodyTaxel) -> bool) -> bool {
-    let BodyLevel { origins, rows } = level;
-    rows.indices.len() == before
-        && rows.coarse_len == origins.len()
-        && rows.validate().is_ok()
-        && origins.iter().all(exists)
-}
-
-/// Whether each level is coarser than the one before.
-pub(crate) fn shrinks(origins: &IdVec<VertexId, BodyTaxel>, before: usize) -> bool {
-    !origins.is_empty() && origins.len() < before
 }

@@ -1,6 +1,6 @@
 //! The taxels in terms of the fields of body levels: products of rows.
 
-use crate::body::Body;
+use crate::body::{Body, BodyLevel, BodyTaxel};
 use crate::id::{IdVec, VertexId};
 use crate::pyramid::{Level, LevelId, Prolongation};
 use crate::skin::PatchId;
@@ -34,7 +34,7 @@ impl BodyRows {
                 },
             }
         });
-        let of_level = |level: &crate::body::BodyLevel| {
+        let of_level = |level: &BodyLevel| {
             rows = rows.map(|rows| product(rows, &level.rows));
             rows.clone()
         };
@@ -55,7 +55,7 @@ pub(crate) fn field_areas<'a>(
 }
 
 /// The rows of `fine` through those of `coarse`.
-fn product(fine: &Prolongation, coarse: &Prolongation) -> Prolongation {
+pub(super) fn product(fine: &Prolongation, coarse: &Prolongation) -> Prolongation {
     let (mut indices, mut weights) = (IdVec::default(), IdVec::default());
     let mut row: Vec<(VertexId, f64)> = Vec::with_capacity(9);
     for taxel in fine.indices.ids() {
@@ -76,4 +76,18 @@ fn product(fine: &Prolongation, coarse: &Prolongation) -> Prolongation {
         weights.push([0, 1, 2].map(|k| row.get(k).map_or(0.0, |(_, w)| w / sum)));
     }
     Prolongation { indices, weights, coarse_len: coarse.coarse_len }
+}
+
+/// Checks that the rows of a level fit the level before, and that its centres are taxels for which `exists`.
+pub(crate) fn is_valid(level: &BodyLevel, before: usize, exists: impl Fn(&BodyTaxel) -> bool) -> bool {
+    let BodyLevel { origins, rows } = level;
+    rows.indices.len() == before
+        && rows.coarse_len == origins.len()
+        && rows.validate().is_ok()
+        && origins.iter().all(exists)
+}
+
+/// Whether each level is coarser than the one before.
+pub(crate) fn shrinks(origins: &IdVec<VertexId, BodyTaxel>, before: usize) -> bool {
+    !origins.is_empty() && origins.len() < before
 }

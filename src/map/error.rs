@@ -8,7 +8,7 @@ use crate::flatten::Distortion;
 use crate::id::VertexId;
 use crate::map::ImageFrame;
 use crate::pyramid::{LevelId, PyramidError};
-use crate::skin::SkinError;
+use crate::skin::{PatchId, SkinError};
 
 /// Why data is not a map.
 #[derive(Debug, Clone, PartialEq, thiserror::Error, strum::IntoStaticStr)]
@@ -87,6 +87,13 @@ pub enum MapError {
          to 1 for each of those, and taxels of the map as centres"
     )]
     BodyLevel { level: LevelId, before: usize },
+    #[error(
+        "level {level} of the modality {name:?} of patch {}, counted from 0: patches ascend and have each modality but touch \
+         once; level 0 has sensors of the patch, ascending, and a row for each of its taxels, others have fewer fields than \
+         the level before, taxels of the patch as centres, and a row for each of its fields; weights of a row sum to 1",
+        patch.raw()
+    )]
+    Modality { patch: PatchId, name: String, level: LevelId },
     /// A level whose map loses a triangle when it is rounded to the `f32` of a file.
     #[error("a map file cannot represent it: found {found}; needed: {needed}")]
     Rounded { found: String, needed: String },

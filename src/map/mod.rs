@@ -5,6 +5,7 @@
 
 mod carried_places;
 mod error;
+mod fields;
 mod frame;
 mod regions;
 
@@ -12,7 +13,9 @@ use std::borrow::Cow;
 
 use glam::{DAffine3, DVec2, DVec3};
 
-use crate::body::{Body, BodyRows, BodyTaxel, Gap, body_levels, gap_links, is_valid, shrinks};
+use crate::body::{
+    Body, BodyRows, BodyTaxel, Gap, Modality, body_levels, gap_links, is_valid, modalities, shrinks,
+};
 use crate::cut::{CutMesh, PlaceId, seam_length};
 use crate::flatten::{Convergence, Distortion, distortion};
 use crate::id::{FaceId, IdVec, VertexId};
@@ -466,6 +469,18 @@ impl SkinMap {
             }
             before = level.origins.len();
         }
+        let key = |modality: &Modality| (modality.patch, modality.name.clone());
+        for (k, modality) in self.body.modalities.iter().enumerate() {
+            let earlier = &self.body.modalities[..k];
+            let patch = self.patches.get(modality.patch);
+            let is_once = earlier.iter().all(|other| key(other) != key(modality))
+                && earlier.last().is_none_or(|last| last.patch <= modality.patch);
+            let wrong = patch.filter(|_| is_once).map(|patch| modality.wrong_level(patch.taxels.ids.len()));
+            if let Some(level) = wrong.unwrap_or(Some(LevelId::default())) {
+                let (patch, name) = (modality.patch, modality.name.clone());
+                return Err(MapError::Modality { patch, name, level });
+            }
+        }
         Ok(())
     }
 
@@ -479,7 +494,8 @@ impl SkinMap {
         let skin = self.skin();
         let links = gap_links(&skin, across);
         let levels = body_levels(&skin, &links, &self.coarsest());
-        self.body = Body { links, levels };
+        let modalities = modalities(&skin);
+        self.body = Body { links, levels, modalities };
     }
 
     /// The taxels in terms of the fields of the body levels.

@@ -7,7 +7,7 @@ use glam::DVec2;
 use crate::id::{IdVec, VertexId, define_id};
 use crate::map::{MapError, PatchMap, SkinMap};
 use crate::pyramid::{LevelId, Prolongation};
-use crate::skin::{PatchId, RegionName, is_region_name, region_names};
+use crate::skin::{PatchId, RegionName, is_region_name, names_of};
 
 define_id!(
     /// A named region of a map.
@@ -45,6 +45,18 @@ impl Regions {
         let level = &patch.levels[level].level;
         let Some(rows) = &level.to_finest else { return of_taxels.clone() };
         largest([(of_taxels, rows)], level.mesh.positions.len())
+    }
+
+    /// The region of each field of a level without a mesh, from its [rows](SkinMap::field_rows).
+    ///
+    /// # Panics
+    /// If the rows are of another map.
+    pub fn of_fields(
+        &self,
+        rows: &IdVec<PatchId, Option<Prolongation>>,
+    ) -> IdVec<VertexId, Option<RegionId>> {
+        let count = rows.iter().flatten().next().map_or(0, |rows| rows.coarse_len);
+        largest(self.of_taxels.iter().zip(rows).filter_map(|(of, rows)| Some((of, rows.as_ref()?))), count)
     }
 
     /// The region of each field of a level of the whole body, as of [those of a patch](Self::of_level); `rows` are
@@ -119,7 +131,7 @@ impl SkinMap {
     /// The named regions.
     pub fn regions(&self) -> Regions {
         let names: IdVec<RegionId, RegionName> =
-            region_names(self.patches.iter().map(|patch| &patch.taxels)).into();
+            names_of(self.patches.iter().map(|patch| &patch.taxels.regions)).into();
         let numbers: HashMap<&RegionName, RegionId> =
             names.enumerate().map(|(id, name)| (name, id)).collect();
         let number = |name: &Option<RegionName>| name.as_ref().and_then(|name| numbers.get(name).copied());

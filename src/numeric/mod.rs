@@ -23,7 +23,7 @@ pub(crate) use linear_system::solve_system;
 pub(crate) use matrix6::{Matrix6, Twist, dot};
 pub(crate) use order::{along_curve, argsort, chains, median, median_of, morton, nth_smallest, order_by};
 pub(crate) use random::{Random, hash, place_hash};
-pub(crate) use shortest_paths::{distances_from, each_by_distance};
+pub(crate) use shortest_paths::{distances_from, each_by_distance, nearest_sources};
 pub(crate) use symmetric_eigen::symmetric_eigen;
 
 /// The standard deviation of normal numbers over the median of their sizes.

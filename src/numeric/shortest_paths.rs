@@ -1,6 +1,6 @@
 //! Shortest paths in graphs whose edges have lengths.
 
-use std::cmp::Ordering;
+use std::cmp::{Ordering, Reverse};
 use std::collections::BinaryHeap;
 
 use crate::numeric::Csr;
@@ -61,6 +61,28 @@ pub(crate) fn each_by_distance(
     }
 }
 
+/// For each vertex up to `count` of the `sources`, by their numbers there, nearest first, and the distances; fewer where
+/// fewer can be reached. Each vertex passes on the sources that are its nearest.
+pub(crate) fn nearest_sources(
+    graph: &Csr<(u32, f64)>,
+    sources: impl Iterator<Item = u32>,
+    count: usize,
+) -> Vec<Vec<(usize, f64)>> {
+    let mut near = vec![Vec::new(); graph.len()];
+    let mut heap: BinaryHeap<_> =
+        (0_usize..).zip(sources).map(|(k, v)| (Reached(0.0, v), Reverse(k))).collect();
+    while let Some((Reached(distance, v), Reverse(source))) = heap.pop() {
+        let found: &mut Vec<(usize, f64)> = &mut near[v as usize];
+        if found.len() == count || found.iter().any(|(known, _)| *known == source) {
+            continue;
+        }
+        found.push((source, distance));
+        let ways = graph[v as usize].iter().filter(|(w, _)| near[*w as usize].len() < count);
+        heap.extend(ways.map(|&(w, length)| (Reached(distance + length, w), Reverse(source))));
+    }
+    near
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -72,5 +94,31 @@ mod tests {
         let mut distances = [0.0; 4];
         distances_from(&graph, 0, &mut distances);
         assert_eq!(distances, [0.0, 3.0, 1.0, f64::INFINITY]);
+    }
+
+    /// On a ring with chords, every vertex finds the sources that paths from each of them find.
+    #[test]
+    fn the_nearest_sources_are_those_of_all_paths() {
+        let count = 40_u32;
+        let length = |k: u32| 1.0 + f64::from(k * 7 % 11);
+        let ways = (0..count).flat_map(|k| [(k, (k + 1) % count), (k, (k * 3 + 1) % count)]);
+        let both =
+            ways.flat_map(|(a, b)| [(a as usize, (b, length(a + b))), (b as usize, (a, length(a + b)))]);
+        let graph = Csr::from_pairs(count as usize, both);
+        let sources = [3, 9, 14, 15, 22, 31, 38];
+        let near = nearest_sources(&graph, sources.into_iter(), 3);
+        let mut all = [0.0; 40].map(|_| Vec::new());
+        for &source in &sources {
+            let mut distances = [0.0; 40];
+            distances_from(&graph, source as usize, &mut distances);
+            all.iter_mut().zip(distances).for_each(|(of, distance)| of.push(distance));
+        }
+        for (near, mut all) in near.into_iter().zip(all) {
+            for (source, distance) in &near {
+                assert_eq!(*distance, all[*source]);
+            }
+            all.sort_by(f64::total_cmp);
+            assert_eq!(near.iter().map(|(_, distance)| *distance).collect::<Vec<_>>(), all[..3]);
+        }
     }
 }

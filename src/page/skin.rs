@@ -88,7 +88,7 @@ pub(super) fn pack_patch(
     let presence = of.presence.iter().map(|presence| match presence {
         Presence::Absent => 0,
         Presence::Present => 1,
-        Presence::ThermalPad => 2,
+        Presence::ThermalPad | Presence::Other => 2,
     });
     let presence = packer.planes(&[presence.collect()]);
     let region = of_taxels.iter().map(|region| region.map_or(0, |region| region.raw() + 1));

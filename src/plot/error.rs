@@ -14,8 +14,10 @@ pub enum PlotError {
     UnknownPatch { patch: String, known: Vec<String> },
     #[error("there is no level {level}; the levels are 0 to {last}")]
     UnknownLevel { level: LevelId, last: usize },
-    #[error("there is no level body.L{level}; the map has {count} levels of the whole body")]
-    UnknownBodyLevel { level: LevelId, count: usize },
+    #[error(
+        "there is no level {level} without a mesh; the map has {count} levels of the whole body or of modalities"
+    )]
+    UnknownFieldLevel { level: LevelId, count: usize },
     #[error("patch {patch:?} has no map, so its {what} cannot be drawn")]
     NoMap { patch: String, what: &'static str },
     #[error("the places of changes cannot be found on the map: {source}")]

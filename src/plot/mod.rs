@@ -30,6 +30,7 @@ mod plot_frame;
 mod plot_map;
 mod plot_signals;
 
+use crate::body::FieldLevel;
 use crate::pyramid::LevelId;
 
 pub(crate) use colour::DIVERGING;
@@ -75,8 +76,9 @@ pub struct PlotOptions {
     /// The levels, side by side; none: the finest three. A patch that lacks a level leaves its slot
     /// empty.
     pub levels: Vec<LevelId>,
-    /// Levels of the whole body, next to these where readings are drawn: their values at the taxels, on level 0.
-    pub body_levels: Vec<LevelId>,
+    /// Levels of the whole body and of modalities, next to these where readings are drawn: their values at the taxels, on
+    /// level 0.
+    pub field_levels: Vec<FieldLevel>,
     /// The quantity that the colours show; not used for readings.
     pub paint: Paint,
     /// The viewpoint of the skin in space, next to its maps; `None`: the maps alone.
@@ -97,7 +99,7 @@ impl Default for PlotOptions {
         Self {
             patches: Vec::new(),
             levels: Vec::new(),
-            body_levels: Vec::new(),
+            field_levels: Vec::new(),
             paint: Paint::default(),
             space: None,
             unfold: Vec::new(),

@@ -3,7 +3,7 @@
 //! Values are linear between the vertices of each level, as in tactile images; where values are unknown the
 //! skin is hatched in greys, which no scale has.
 
-use crate::body::{BodyRows, field_areas};
+use crate::body::FieldLevel;
 use crate::id::{IdVec, VertexId};
 use crate::map::{MapLevel, PatchMap, SkinMap};
 use crate::numeric::second_digit;
@@ -72,32 +72,23 @@ pub struct FramePlotter<'a> {
     options: &'a PlotOptions,
     patches: Vec<(PatchId, PatchView<'a>)>,
     levels: Vec<LevelId>,
-    body: Vec<BodyFields>,
+    fields: Vec<Fields>,
 }
 
-/// A level of the whole body: the rows of the taxels, and the areas of its fields.
-struct BodyFields {
-    level: LevelId,
-    rows: IdVec<PatchId, Prolongation>,
+/// A level without a mesh: its name, the rows of the taxels of the patches that it is of, and the areas of its fields.
+struct Fields {
+    at: FieldLevel,
+    name: String,
+    rows: IdVec<PatchId, Option<Prolongation>>,
     areas: IdVec<VertexId, f64>,
 }
 
-impl BodyFields {
-    fn new(map: &SkinMap, levels: &[LevelId]) -> Result<Vec<Self>, PlotError> {
-        let count = map.body.levels.len();
-        if let Some(&level) = levels.iter().find(|level| level.index() >= count) {
-            return Err(PlotError::UnknownBodyLevel { level, count });
-        }
-        if levels.is_empty() {
-            return Ok(Vec::new());
-        }
-        let BodyRows(rows) = map.body_rows();
-        let of_level = |&level: &LevelId| {
-            let rows = rows[level].clone();
-            let areas = field_areas(&rows, map.patches.iter().map(|patch| &patch.taxels.areas));
-            Self { level, rows, areas }
+impl Fields {
+    fn new(map: &SkinMap, at: FieldLevel) -> Result<Self, PlotError> {
+        let Some((_, name)) = map.field_levels().find(|(known, _)| *known == at) else {
+            return Err(PlotError::UnknownFieldLevel { level: at.level, count: map.field_levels().count() });
         };
-        Ok(levels.iter().map(of_level).collect())
+        Ok(Self { at, name, rows: map.field_rows(at), areas: map.field_areas(at) })
     }
 }
 
@@ -119,10 +110,9 @@ impl<'a> FramePlotter<'a> {
         };
         let chosen = choose(&map.patches, |patch| &patch.name, &options.patches)?;
         let levels = match &options.levels[..] {
-            [] if !options.body_levels.is_empty() => Vec::new(),
+            [] if !options.field_levels.is_empty() => Vec::new(),
             levels => choose_levels(&chosen, levels)?,
         };
-        let body = BodyFields::new(map, &options.body_levels)?;
         options.space.map_or(Ok(()), check_viewpoint)?;
         map.validate()?;
         let view = |patch: &'a PatchMap| {
@@ -130,7 +120,9 @@ impl<'a> FramePlotter<'a> {
             Ok((id.ok_or(PlotError::Empty)?, PatchView::of_map(map, patch)?))
         };
         let patches = chosen.into_iter().map(view).collect::<Result<_, PlotError>>()?;
-        Ok(Self { map, channel, shown, options, patches, levels, body })
+        // Their rows are read, so the map is valid.
+        let fields = options.field_levels.iter().map(|&at| Fields::new(map, at)).collect::<Result<_, _>>()?;
+        Ok(Self { map, channel, shown, options, patches, levels, fields })
     }
 
     /// Draws a frame.
@@ -145,11 +137,11 @@ impl<'a> FramePlotter<'a> {
         for (patch, view) in &self.patches {
             let of_level = |&level: &LevelId| self.densities(frame, *patch, level);
             let mut drawn: Vec<_> = self.levels.iter().map(of_level).collect::<Result<_, _>>()?;
-            for body in &self.body {
-                drawn.push(Some(self.carried_down(frame, *patch, body)?));
+            for fields in &self.fields {
+                drawn.push(self.carried_down(frame, *patch, fields)?);
             }
-            // Values of the whole body are shown at the taxels.
-            let levels = self.levels.iter().copied().chain(self.body.iter().map(|_| LevelId::default()));
+            // Values of fields without a mesh are shown at the taxels.
+            let levels = self.levels.iter().copied().chain(self.fields.iter().map(|_| LevelId::default()));
             if let Some(viewpoint) = options.space {
                 let panel = |(level, drawn)| Some((Panel::in_space(view, level, viewpoint), drawn?));
                 rows.push(levels.clone().zip(drawn.clone()).map(panel).collect::<Vec<_>>());
@@ -209,16 +201,23 @@ impl<'a> FramePlotter<'a> {
         Ok(Some(Drawn { name: format!("level {level}"), values, densities }))
     }
 
-    /// The values of a level of the whole body at the taxels of a patch; of an extensive channel those per area.
+    /// The values of a level without a mesh at the taxels of a patch, if it is of this patch; of an extensive channel those
+    /// per area.
     fn carried_down<'f>(
         &self,
         frame: &'f LevelFrame,
         id: PatchId,
-        BodyFields { level, rows, areas }: &BodyFields,
-    ) -> Result<Drawn<'f>, PlotError> {
+        Fields { at: FieldLevel { modality, level }, name, rows, areas }: &Fields,
+    ) -> Result<Option<Drawn<'f>>, PlotError> {
+        let Some(rows) = &rows[id] else { return Ok(None) };
         let patch = &self.map.patches[id].name;
         let other = || PlotError::FrameOfAnotherMap { patch: patch.clone(), level: *level };
-        let values = frame.body.get(self.shown).and_then(|levels| levels.get(*level)).ok_or_else(other)?;
+        let of_channels = match modality {
+            None => Some(&frame.body),
+            Some(number) => frame.modalities.get(*number).map(|of_it| &of_it.values),
+        };
+        let of_channel = of_channels.and_then(|channels| channels.get(self.shown));
+        let values = of_channel.and_then(|levels| levels.get(*level)).ok_or_else(other)?;
         if values.len() != areas.len() {
             return Err(other());
         }
@@ -228,15 +227,15 @@ impl<'a> FramePlotter<'a> {
         };
         // Of the fields of a taxel those count that have a value.
         let of_taxel = |taxel: VertexId| {
-            let known = rows[id].row(taxel).filter(|(field, _)| !values[*field].is_nan());
+            let known = rows.row(taxel).filter(|(field, _)| !values[*field].is_nan());
             let add = |[sum, weight]: [f64; 2], (field, w): (VertexId, f64)| {
                 [sum + w * of_field(field), weight + w]
             };
             let [sum, weight] = known.fold([0.0; 2], add);
             sum / weight
         };
-        let densities = rows[id].indices.ids().map(of_taxel).collect();
-        Ok(Drawn { name: format!("body.L{level}"), values, densities })
+        let densities = rows.indices.ids().map(of_taxel).collect();
+        Ok(Some(Drawn { name: name.clone(), values, densities }))
     }
 }
 

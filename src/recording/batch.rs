@@ -61,8 +61,10 @@ impl Batch {
         level: Option<LevelId>,
     ) -> Result<Self, SignalError> {
         let taxels = map.patches.iter().map(|patch| patch.taxels.ids.len()).sum();
+        let mut join = Join::new(map, None, taxels, Duplicates::Refuse)?;
+        join.follow(map, channels);
         Ok(Self {
-            join: Join::new(map, None, taxels, Duplicates::Refuse)?,
+            join,
             levels: Levels::new(map, channels, carried, level),
             frame: Frame::new(map, channels.len()),
             width: channels.len() * taxels,

@@ -60,7 +60,8 @@ impl Intake {
         if options.condition.split_hz.is_some() && !has_times {
             return Err(SignalError::NoTimes);
         }
-        let join = Join::new(map, reader.ids.as_deref(), reader.width, options.duplicates)?;
+        let mut join = Join::new(map, reader.ids.as_deref(), reader.width, options.duplicates)?;
+        join.follow(map, &reader.channels);
         let conditioner = Conditioner::new(map, &reader.channels, &options.condition)?;
         let main = main_channel(reader.channels.iter().map(|channel| channel.kind));
         let is_tared = reader.rest.is_zero;

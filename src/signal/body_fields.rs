@@ -1,21 +1,21 @@
-//! Transfers frames from the taxels of all patches to the fields of the whole body, by the law of receptive fields
-//! (`restrict`).
+//! Transfers frames from the taxels of all patches to the fields of the whole body, or from the sensors of a modality to its
+//! fields, by the law of receptive fields (`restrict`).
 
-use crate::body::BodyRows;
+use crate::body::{BodyRows, Modality};
 use crate::id::{IdVec, VertexId};
 use crate::map::SkinMap;
 use crate::numeric::{Csr, storable};
-use crate::pyramid::LevelId;
+use crate::pyramid::{LevelId, Prolongation};
 use crate::signal::{Frame, Quantity};
 use crate::skin::PatchId;
 
-/// Carries readings to body levels; owns its buffers.
+/// Carries readings to body levels, or to those of a modality; owns its buffers.
 #[derive(Debug, Clone)]
 pub struct BodyFields {
-    /// The taxels of each field, numbered patch after patch, and their weights.
+    /// The taxels of each field, numbered through the patches that are read, and their weights.
     levels: IdVec<LevelId, Csr<(u32, f64)>>,
-    /// The first taxel of each patch, and areas of all, in m^2.
-    starts: IdVec<PatchId, usize>,
+    /// The patches that are read, the first taxel of each, and areas of all, in m^2: those that sensors stand for.
+    starts: Vec<(PatchId, usize)>,
     areas: Vec<f64>,
     /// `a m p` or `m f` of the taxels, `a m`, and whether each is measured.
     amounts: Vec<f64>,
@@ -27,15 +27,14 @@ impl BodyFields {
     /// For the body levels of a map.
     pub fn new(map: &SkinMap) -> Self {
         let BodyRows(rows) = map.body_rows();
-        let (mut starts, mut areas) = (IdVec::default(), Vec::new());
-        for patch in &map.patches {
-            starts.push(areas.len());
+        let (mut starts, mut areas) = (Vec::new(), Vec::new());
+        for (id, patch) in map.patches.enumerate() {
+            starts.push((id, areas.len()));
             areas.extend_from_slice(patch.taxels.areas.as_slice());
         }
-        let members = |of_patches: &IdVec<PatchId, crate::pyramid::Prolongation>| {
+        let members = |of_patches: &IdVec<PatchId, Prolongation>| {
             let count = of_patches.iter().next().map_or(0, |rows| rows.coarse_len);
-            let entries = of_patches.enumerate().flat_map(|(patch, rows)| {
-                let start = starts[patch];
+            let entries = of_patches.iter().zip(&starts).flat_map(|(rows, &(_, start))| {
                 rows.indices.ids().flat_map(move |taxel| {
                     let number = u32::try_from(start + taxel.index()).unwrap_or(u32::MAX);
                     rows.row(taxel).map(move |(field, weight)| (field.index(), (number, weight)))
@@ -43,7 +42,37 @@ impl BodyFields {
             });
             Csr::from_pairs(count, entries)
         };
-        let levels = rows.iter().map(members).collect();
+        Self::of(rows.iter().map(members).collect(), starts, areas)
+    }
+
+    /// For the levels of a modality of a map: readings of its sensors.
+    ///
+    /// # Panics
+    /// If the modality is not one of this map.
+    pub fn of_modality(map: &SkinMap, modality: &Modality) -> Self {
+        let taxels = &map.patches[modality.patch].taxels.areas;
+        let mut areas = vec![0.0; taxels.len()];
+        let sensors: Vec<u32> = modality
+            .levels
+            .iter()
+            .take(1)
+            .flat_map(|finest| &finest.origins)
+            .map(|at| at.taxel.raw())
+            .collect();
+        if let Some(of_sensors) = modality.field_areas(taxels).iter().next() {
+            sensors.iter().zip(of_sensors).for_each(|(&sensor, &area)| areas[sensor as usize] = area);
+        }
+        let members = |rows: &Prolongation| {
+            let row = |(field, &sensor): (VertexId, &u32)| {
+                rows.row(field).map(move |(coarse, weight)| (coarse.index(), (sensor, weight)))
+            };
+            Csr::from_pairs(rows.coarse_len, rows.indices.ids().zip(&sensors).flat_map(row))
+        };
+        let levels = modality.sensor_rows().iter().map(members).collect();
+        Self::of(levels, vec![(modality.patch, 0)], areas)
+    }
+
+    fn of(levels: IdVec<LevelId, Csr<(u32, f64)>>, starts: Vec<(PatchId, usize)>, areas: Vec<f64>) -> Self {
         let taxels = areas.len();
         Self {
             levels,
@@ -65,9 +94,8 @@ impl BodyFields {
     /// # Panics
     /// If the frame does not have the patches, the channel and the taxels of the map.
     pub fn take(&mut self, frame: &Frame, channel: usize, quantity: Quantity) {
-        for (patch, channels) in frame.values.enumerate() {
-            let start = self.starts[patch];
-            for (taxel, &x) in channels[channel].enumerate() {
+        for &(patch, start) in &self.starts {
+            for (taxel, &x) in frame.values[patch][channel].enumerate() {
                 let k = start + taxel.index();
                 let is_live = x.abs() <= f64::from(f32::MAX);
                 self.is_measured[k] = is_live;
@@ -81,6 +109,25 @@ impl BodyFields {
             let filled =
                 frame.filled.get(patch).and_then(|of| of.get(channel)).map_or(&[][..], Vec::as_slice);
             filled.iter().for_each(|taxel| self.is_measured[start + taxel.index()] = false);
+        }
+    }
+
+    /// Takes a channel of a frame, and gives the value of each field and whether it is measured.
+    pub(super) fn carry(
+        &mut self,
+        (frame, channel): (&Frame, usize),
+        quantity: Quantity,
+        values: &mut IdVec<LevelId, IdVec<VertexId, f64>>,
+        is_measured: &mut IdVec<LevelId, IdVec<VertexId, bool>>,
+    ) {
+        self.take(frame, channel, quantity);
+        for (level, values) in values.ids().zip(values.as_mut_slice()) {
+            let out = values.iter_mut().zip(is_measured[level].iter_mut()).enumerate();
+            for (field, (value, is_measured)) in out {
+                let field = VertexId::new(field);
+                *value = self.value(level, field, quantity);
+                *is_measured = self.is_measured(level, field);
+            }
         }
     }
 

@@ -1,7 +1,9 @@
 //! The meaning of one number per taxel.
 
+use crate::map::SkinMap;
 use crate::signal::SignalError;
 use crate::signal::unit::{ChannelKind, Quantity, Unit, nearest_unit, parse_unit};
+use crate::skin::THERMAL;
 
 /// One number per taxel: its name, unit and kind.
 ///
@@ -67,6 +69,25 @@ impl Channel {
             _ => name,
         };
         Ok(Self { name: name.into(), unit, quantity, kind })
+    }
+
+    /// Which modality besides touch of a map its readings are of: the one that its name begins with, up to a dot, else the
+    /// one of its quantity, if the map has sensors of it: `thermal` of temperatures, `acceleration` of accelerations,
+    /// `proximity` of lengths.
+    pub fn modality<'m>(&self, map: &'m SkinMap) -> Option<&'m str> {
+        let lower = self.name.to_ascii_lowercase();
+        let first = lower.split('.').next().unwrap_or_default();
+        let base = parse_unit(&self.unit).filter(|unit| unit.kind == ChannelKind::Other);
+        let quantity = match (self.kind, first, base.map_or("", |unit| unit.base)) {
+            (ChannelKind::Other, _, "K" | "degC" | "degF") => THERMAL,
+            (ChannelKind::Other, _, "m/s^2") => "acceleration",
+            (ChannelKind::Other, _, "m") => "proximity",
+            (ChannelKind::Other, name, "") if name.starts_with("acc") => "acceleration",
+            (ChannelKind::Other, _, "") => THERMAL,
+            _ => "",
+        };
+        let known = || map.body.modalities.iter().map(|modality| &*modality.name);
+        known().find(|name| *name == first).or_else(|| known().find(|name| *name == quantity))
     }
 
     /// Newtons in one unit of an amount, or of a value times an area in m^2; `None` if its unit is neither

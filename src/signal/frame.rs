@@ -1,5 +1,6 @@
 //! Readings at one time: on the taxels, and on every level.
 
+use crate::body::{BodyLevel, Modality};
 use crate::id::{IdVec, VertexId};
 use crate::map::SkinMap;
 use crate::pyramid::LevelId;
@@ -74,6 +75,27 @@ pub struct LevelFrame {
     pub body: Vec<ChannelLevels>,
     /// Of each of these whether a reading of its taxels was measured, not [filled](Frame::filled).
     pub is_body_measured: Vec<IdVec<LevelId, IdVec<VertexId, bool>>>,
+    /// Those of each [modality](crate::body::Modality) besides touch of the map; NaN in the channels of others.
+    pub modalities: Vec<ModalityValues>,
+}
+
+/// The values of each channel on the levels of a modality.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct ModalityValues {
+    /// The values, as of [`LevelFrame::body`].
+    pub values: Vec<ChannelLevels>,
+    /// Whether each is measured.
+    pub is_measured: Vec<IdVec<LevelId, IdVec<VertexId, bool>>>,
+}
+
+impl ModalityValues {
+    /// No value on these levels.
+    fn new<'a>(levels: impl Iterator<Item = &'a BodyLevel> + Clone, channels: usize) -> Self {
+        let sizes = levels.map(|level| level.origins.len());
+        let values = sizes.clone().map(|fields| IdVec::filled(f64::NAN, fields)).collect();
+        let is_measured = sizes.map(|fields| IdVec::filled(false, fields)).collect();
+        Self { values: vec![values; channels], is_measured: vec![is_measured; channels] }
+    }
 }
 
 impl LevelFrame {
@@ -85,10 +107,11 @@ impl LevelFrame {
         });
         let areas = map.patches.map(|patch| vec![patch.levels.map(|l| l.level.areas.clone()); channels]);
         let unmeasured = map.patches.map(|patch| vec![patch.levels.map(|_| Vec::new()); channels]);
-        let of_body = || map.body.levels.iter().map(|level| level.origins.len());
-        let body = vec![of_body().map(|fields| IdVec::filled(f64::NAN, fields)).collect(); channels];
-        let is_body_measured = vec![of_body().map(|fields| IdVec::filled(false, fields)).collect(); channels];
-        Self { time: 0.0, values, areas, unmeasured, body, is_body_measured }
+        let ModalityValues { values: body, is_measured: is_body_measured } =
+            ModalityValues::new(map.body.levels.iter(), channels);
+        let of_modality = |modality: &Modality| ModalityValues::new(modality.levels.iter(), channels);
+        let modalities = map.body.modalities.iter().map(of_modality).collect();
+        Self { time: 0.0, values, areas, unmeasured, body, is_body_measured, modalities }
     }
 
     /// Panics if the number of patches differs, or that of the channels of a patch.

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use crate::id::IdVec;
 use crate::map::SkinMap;
-use crate::signal::{Frame, SignalError};
+use crate::signal::{Channel, Frame, SignalError};
 use crate::skin::{PatchId, Presence, TaxelId};
 
 /// What to do with an id that several columns have.
@@ -22,7 +22,8 @@ pub enum Duplicates {
 pub struct JoinReport {
     /// Taxels that get readings.
     pub matched: usize,
-    /// Taxels that get no readings: they have no column, are absent or thermal pads.
+    /// Taxels that get no readings: they have no column, are absent, or sense nothing that
+    /// the readings are of.
     pub masked: usize,
     /// Columns whose id no taxel has.
     pub unknown: usize,
@@ -72,6 +73,10 @@ impl JoinReport {
 pub struct Join {
     report: JoinReport,
     sources: IdVec<PatchId, Vec<Option<u32>>>,
+    /// The columns of all taxels, whatever they sense.
+    columns: IdVec<PatchId, Vec<Option<u32>>>,
+    /// For each channel of another modality than touch, the columns of its sensors.
+    others: Vec<Option<IdVec<PatchId, Vec<Option<u32>>>>>,
     width: usize,
 }
 
@@ -98,20 +103,22 @@ impl Join {
             None => None,
         };
         let (mut known, mut column) = (HashMap::new(), 0..);
-        let sources = map.patches.map(|patch| {
-            let slots = patch.taxels.ids.iter().zip(&patch.taxels.presence).zip(&mut column);
-            let source = |((id, presence), column): ((&TaxelId, &Presence), u32)| {
+        let columns: IdVec<PatchId, Vec<Option<u32>>> = map.patches.map(|patch| {
+            let column_of = |(id, column): (&TaxelId, u32)| {
                 *known.entry(*id).or_insert(0_usize) += 1;
-                let source = match &source_of {
-                    Some(source_of) => source_of.get(id).copied(),
-                    None => Some(column),
-                };
+                source_of.as_ref().map_or(Some(column), |source_of| source_of.get(id).copied())
+            };
+            patch.taxels.ids.iter().zip(&mut column).map(column_of).collect()
+        });
+        let sources = map.patches.iter().zip(&columns).map(|(patch, columns)| {
+            let source = |(presence, source): (&Presence, &Option<u32>)| {
                 let source = source.filter(|_| *presence == Presence::Present);
                 *(if source.is_none() { &mut report.masked } else { &mut report.matched }) += 1;
                 source
             };
-            slots.map(source).collect()
+            patch.taxels.presence.iter().zip(columns).map(source).collect()
         });
+        let sources = sources.collect();
         if let (Some(ids), Some(source_of)) = (ids, source_of) {
             let unknown = || ids.iter().filter(|id| !known.contains_key(id));
             report.unknown = unknown().count();
@@ -122,7 +129,40 @@ impl Join {
                 return Err(SignalError::NoneMatched { columns: width, first, known });
             }
         }
-        Ok(Self { sources, width, report })
+        Ok(Self { sources, columns, others: Vec::new(), width, report })
+    }
+
+    /// From now on the sensors of a modality besides touch get the readings of the channels that are [of it](Channel::modality),
+    /// and on their patches no other taxel does; `channels` are those of the frames.
+    pub fn follow(&mut self, map: &SkinMap, channels: &[Channel]) {
+        let of_channel = |channel: &Channel| {
+            let modality = channel.modality(map)?;
+            let patches = map.patches.ids().zip(&self.sources).zip(&self.columns);
+            let of_patch = |((id, _), columns): ((PatchId, &Vec<_>), &Vec<Option<u32>>)| {
+                let mut all = map.body.modalities.iter();
+                let fields =
+                    all.find(|other| other.patch == id && other.name == modality)?.levels.iter().next()?;
+                let mut of_sensors = vec![None; columns.len()];
+                for at in &fields.origins {
+                    let is_there = map.patches[id].taxels.presence[at.taxel] != Presence::Absent;
+                    of_sensors[at.taxel.index()] = columns[at.taxel.index()].filter(|_| is_there);
+                }
+                Some(of_sensors)
+            };
+            let or_touch =
+                |entry: ((PatchId, &Vec<_>), _)| of_patch(entry).unwrap_or_else(|| entry.0.1.clone());
+            Some(patches.map(or_touch).collect())
+        };
+        self.others = channels.iter().map(of_channel).collect();
+        let mut is_read: Vec<bool> = self.is_matched().collect();
+        let before = is_read.iter().filter(|is_read| **is_read).count();
+        for of_channel in self.others.iter().flatten() {
+            let all = is_read.iter_mut().zip(of_channel.iter().flatten());
+            all.for_each(|(is_read, source)| *is_read |= source.is_some());
+        }
+        let gained = is_read.iter().filter(|is_read| **is_read).count() - before;
+        self.report.matched += gained;
+        self.report.masked -= gained;
     }
 
     /// How columns and taxels match.
@@ -145,9 +185,11 @@ impl Join {
     pub fn fill<T: Copy + Into<f64>>(&self, values: &[T], frame: &mut Frame) -> usize {
         assert_eq!(frame.values.len(), self.sources.len(), "one entry per patch");
         let mut missing = 0;
-        for (sources, channels) in self.sources.iter().zip(frame.values.iter_mut()) {
+        for (patch, channels) in frame.values.ids().zip(frame.values.as_mut_slice()) {
             assert_eq!(values.len(), self.width * channels.len(), "one number per column and channel");
-            for (read, taxels) in values.chunks_exact(self.width).zip(channels) {
+            for (channel, (read, taxels)) in values.chunks_exact(self.width).zip(channels).enumerate() {
+                let other = self.others.get(channel).and_then(Option::as_ref);
+                let sources = &other.unwrap_or(&self.sources)[patch];
                 assert_eq!(taxels.len(), sources.len(), "one number per taxel");
                 for (x, source) in taxels.iter_mut().zip(sources) {
                     *x = source.map_or(f64::NAN, |column| read[column as usize].into());

@@ -40,7 +40,7 @@ pub use edges::Edges;
 pub use error::SignalError;
 pub use events::{BodyWord, Event, EventContact, EventDetector, EventOptions, EventPlace, Phase, Word};
 pub use fill::Filler;
-pub use frame::{Frame, LevelFrame, Stage};
+pub use frame::{Frame, LevelFrame, ModalityValues, Stage};
 pub use health::{Health, HealthFinding, HealthOptions, HealthReport};
 pub use match_taxels::{Duplicates, Join, JoinReport};
 pub(crate) use noise::{QUANTISATION, RunningNoise};

@@ -8,9 +8,11 @@ use crate::id::{FaceId, IdVec, VertexId};
 use crate::mesh::{MeshError, is_within_reach, too_many};
 use crate::skin::columns::columns;
 use crate::skin::link::append_links;
+use crate::skin::modality::presence_of;
 use crate::skin::motion::moved_links;
 use crate::skin::{
-    Covariance, Joints, Link, LinkId, Motion, Presence, RegionName, Remark, SkinError, TaxelError, TaxelId,
+    Covariance, Joints, Link, LinkId, Modalities, Motion, Presence, RegionName, Remark, SkinError,
+    TaxelError, TaxelId,
 };
 
 /// Bodies of robots are smaller, in m. One in millimetres is read as a thousand times larger, so its unit is
@@ -90,6 +92,8 @@ columns! {
     joints: Option<Vec<Joints>>,
     /// The named region that each taxel is in, if it is in one.
     regions: Option<Vec<Option<RegionName>>>,
+    /// What each taxel senses; `None`: what its presence says, which else follows from this unless it is absent.
+    modalities: Option<Vec<Option<Modalities>>>,
 }
 
 impl Draft {
@@ -231,6 +235,17 @@ impl Sheet {
         let (name, binds) = (self.name.clone(), self.binds.clone());
         let Self { link, is_bare, are_counted, .. } = *self;
         Self { name, link, is_bare, are_counted, binds, ..self.selected(kept.iter().copied()) }
+    }
+
+    /// Gives taxels that are not absent the presence that their modalities name: readers of files call it.
+    pub(crate) fn follow_modalities(&mut self) {
+        let Some(modalities) = &self.modalities else { return };
+        let all = self.presence.get_or_insert_with(|| vec![Presence::Present; modalities.len()]);
+        for (presence, of) in all.iter_mut().zip(modalities) {
+            if let Some(of) = of.as_deref().filter(|_| *presence != Presence::Absent) {
+                *presence = presence_of(of);
+            }
+        }
     }
 
     /// The first optional array without one entry per vertex, and its length.

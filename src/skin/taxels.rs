@@ -14,6 +14,9 @@ use crate::mesh::{TriMesh, surface_normals};
 use crate::numeric::Covariance;
 use crate::skin::LinkId;
 use crate::skin::columns::{Column, columns};
+use crate::skin::modality::{
+    Modalities, NAMES_OF_MODALITIES, Presence, THERMAL, TOUCH, are_modalities, presence_of,
+};
 
 /// The number a vendor gave to a taxel: any 32-bit integer, duplicates and placeholders included.
 ///
@@ -35,48 +38,6 @@ impl fmt::Debug for TaxelId {
 impl fmt::Display for TaxelId {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.0.fmt(f)
-    }
-}
-
-/// The content of a slot of the skin.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, strum::IntoStaticStr, strum::EnumString)]
-#[strum(serialize_all = "lowercase")]
-pub enum Presence {
-    /// A working taxel.
-    #[default]
-    Present,
-    /// No taxel, or a dead one.
-    Absent,
-    /// A thermal pad: it has a position but no pressure reading.
-    #[strum(serialize = "thermal")]
-    ThermalPad,
-}
-
-impl Presence {
-    /// Whether it is a working taxel.
-    pub(crate) fn reads_pressure(self) -> bool {
-        self == Self::Present
-    }
-
-    /// Its number in files.
-    pub(crate) const fn code(self) -> u8 {
-        match self {
-            Self::Absent => 0,
-            Self::Present => 1,
-            Self::ThermalPad => 2,
-        }
-    }
-
-    /// Its word in tables.
-    pub(crate) fn word(self) -> &'static str {
-        self.into()
-    }
-
-    const ALL: [Self; 3] = [Self::Absent, Self::Present, Self::ThermalPad];
-
-    /// The presence with the number `code` in files.
-    pub(crate) fn from_code(code: f64) -> Option<Self> {
-        Self::ALL.into_iter().find(|p| f64::from(p.code()) == code)
     }
 }
 
@@ -118,6 +79,8 @@ columns! {
     joints: Option<IdVec<VertexId, Joints>>,
     /// The named region that each taxel is in, if it is in one; `None`: none is.
     regions: Option<IdVec<VertexId, Option<RegionName>>>,
+    /// What each taxel senses; `None`, of one taxel or of all: what its presence says.
+    modalities: Option<IdVec<VertexId, Option<Modalities>>>,
 }
 
 /// The name of a region of the skin: 1 to 100 characters, none of them a control character.
@@ -128,10 +91,12 @@ pub(crate) fn is_region_name(name: &str) -> bool {
     (1..=100).contains(&name.chars().count()) && !name.chars().any(char::is_control)
 }
 
-/// The regions of patches, each once, in the order of their first taxels.
-pub(crate) fn region_names<'a>(patches: impl Iterator<Item = &'a Taxels>) -> Vec<RegionName> {
+/// The names in columns of patches, each once, in the order of their first taxels.
+pub(crate) fn names_of<'a>(
+    columns: impl Iterator<Item = &'a Option<IdVec<VertexId, Option<Arc<str>>>>>,
+) -> Vec<Arc<str>> {
     let mut seen = HashSet::new();
-    let names = patches.flat_map(|taxels| taxels.regions.iter().flatten().flatten());
+    let names = columns.flat_map(|column| column.iter().flatten().flatten());
     names.filter(|name| seen.insert(*name)).cloned().collect()
 }
 
@@ -211,6 +176,40 @@ impl Taxels {
         self.acuities.as_ref().filter(|all| all.iter().any(|x| Some(x) != all.first()))
     }
 
+    /// What a taxel senses, as [`Modalities`]; empty where nothing is known.
+    ///
+    /// # Panics
+    /// If there is no such taxel.
+    pub fn modalities_of(&self, taxel: VertexId) -> &str {
+        let given = self.modalities.as_ref().and_then(|all| all[taxel].as_deref());
+        given.unwrap_or(match self.presence[taxel] {
+            Presence::Present => TOUCH,
+            Presence::ThermalPad => THERMAL,
+            Presence::Absent | Presence::Other => "",
+        })
+    }
+
+    /// The sensors of a modality, ascending: taxels that sense it and are not absent.
+    pub fn sensors(&self, modality: &str) -> Vec<VertexId> {
+        let senses = |v: &VertexId| self.modalities_of(*v).split('+').any(|name| name == modality);
+        let taxels = self.presence.enumerate().filter(|(_, presence)| **presence != Presence::Absent);
+        taxels.map(|(v, _)| v).filter(senses).collect()
+    }
+
+    /// The modalities besides touch that have sensors, in the order of their first ones.
+    pub fn other_modalities(&self) -> Vec<&str> {
+        let mut names = Vec::new();
+        for (v, _) in self.presence.enumerate().filter(|(_, presence)| **presence != Presence::Absent) {
+            let others = self.modalities_of(v).split('+').filter(|name| !["", TOUCH].contains(name));
+            others.for_each(|name| {
+                if !names.contains(&name) {
+                    names.push(name);
+                }
+            });
+        }
+        names
+    }
+
     /// Checks the length of every array and its values: the one check of taxels that are assembled, built or
     /// read.
     pub(crate) fn validate(&self, vertices: usize) -> Result<(), TaxelError> {
@@ -227,9 +226,10 @@ impl Taxels {
             joints,
             binds,
             regions,
+            modalities,
+            presence,
             ids: _,
             are_counted: _,
-            presence: _,
             densities: _,
             weights: _,
             acuities: _,
@@ -262,6 +262,16 @@ impl Taxels {
             regions.iter().flat_map(IdVec::enumerate).filter_map(|(v, name)| Some((v, name.as_ref()?)));
         if let Some((vertex, found)) = named.into_iter().find(|(_, name)| !is_region_name(name)) {
             return Err(TaxelError::Region { vertex, found: found.to_string() });
+        }
+        let named =
+            modalities.iter().flat_map(IdVec::enumerate).filter_map(|(v, of)| Some((v, of.as_deref()?)));
+        for (vertex, of) in named {
+            let found = presence[vertex];
+            if !are_modalities(of) {
+                return Err(TaxelError::Modalities { vertex, found: of.to_owned() });
+            } else if ![Presence::Absent, presence_of(of)].contains(&found) {
+                return Err(TaxelError::NotSensed { vertex, found, modalities: of.to_owned() });
+            }
         }
         let known = covariances.iter().flat_map(IdVec::enumerate).filter_map(|(v, c)| Some((v, c.as_ref()?)));
         match first(known, is_covariance) {
@@ -390,6 +400,12 @@ pub enum TaxelError {
     Joints { vertex: VertexId, found: Joints },
     #[error("vertex {vertex} is in the region {found:?}; a name of 1 to 100 printable characters is needed")]
     Region { vertex: VertexId, found: String },
+    #[error("vertex {vertex} senses {found:?}; {NAMES_OF_MODALITIES} are needed")]
+    Modalities { vertex: VertexId, found: String },
+    #[error(
+        "vertex {vertex} is {} and senses {modalities}; {} or absent is needed", found.word(), presence_of(modalities).word()
+    )]
+    NotSensed { vertex: VertexId, found: Presence, modalities: String },
     #[error("vertex {vertex} follows link {link}, but there are {links} links")]
     UnknownJoint { vertex: VertexId, link: LinkId, links: usize },
     #[error("the bind of link {link} is not finite; a finite affine map is needed")]
@@ -415,6 +431,8 @@ impl TaxelError {
             | Self::Joints { vertex, .. }
             | Self::UnknownJoint { vertex, .. }
             | Self::Region { vertex, .. }
+            | Self::Modalities { vertex, .. }
+            | Self::NotSensed { vertex, .. }
             | Self::Covariance { vertex, .. } => *vertex = number(*vertex),
             Self::Length { .. } | Self::NoWeight { .. } | Self::Bind { .. } => {}
         }

@@ -176,3 +176,41 @@ fn levels_of_the_body_are_levels_of_summary_lookup_plot_and_info() {
     dermatome(at, "build arm.glb -o one --patch left -q").assert().success();
     refuses(at, "lookup one/map.glb p.csv --level body.L0", &["several patches"]);
 }
+
+/// Levels of modalities have names in info, lookup, plot and arrays; one that a map does not have is refused.
+#[test]
+fn levels_of_modalities_are_levels_of_lookup_plot_and_arrays() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let pads = |k: usize| if k % 12 % 4 == 1 && k / 12 % 4 == 1 { "thermal" } else { "" };
+    let place = |k: usize| {
+        format!("{},{},{},0,{}\n", k + 1, (k % 12) as f64 * 0.005, (k / 12) as f64 * 0.005, pads(k))
+    };
+    let table: String = (0..144).map(place).collect();
+    fs::write(at.join("arm.csv"), format!("id,x,y,z,modality\n{table}")).unwrap();
+    let ids: Vec<String> = (1..=144).map(|id| id.to_string()).collect();
+    fs::write(at.join("r.csv"), format!("time,{}\n0,{}\n", ids.join(","), vec!["30"; 144].join(",")))
+        .unwrap();
+    dermatome(at, "build arm.csv -o map -q").assert().success();
+    let info = json(&dermatome(at, "info map/map.glb --json").output().unwrap().stdout);
+    let modality = &info["modalities"][0];
+    assert_eq!((&modality["name"], &modality["sensors"]), (&"thermal".into(), &9.into()));
+    assert_eq!((&modality["fields"][0], &info["patches"][0]["thermal"]), (&9.into(), &9.into()));
+    fs::write(at.join("p.csv"), "x,y,z\n0.0251,0.0249,0\n").unwrap();
+    dermatome(at, "lookup map/map.glb p.csv -o l.csv --level 0 --level arm.thermal.L0 -q").assert().success();
+    let found = rows(&at.join("l.csv"));
+    assert_eq!(found.iter().map(|row| &*row["level"]).collect::<Vec<_>>(), ["0", "arm.thermal.L0"]);
+    // The taxel of row 5 and column 5, a pad.
+    assert_eq!((&*found[1]["taxel_id"], &*found[1]["presence"], &*found[1]["u"]), ("66", "thermal", ""));
+    let readings = "map/map.glb r.csv --readings-unit degC -q";
+    dermatome(at, &format!("render {readings} -o o.npz --values-only")).assert().success();
+    let bytes = fs::read(at.join("o.npz")).unwrap();
+    let key = b"arm.thermal.L1.values.npy";
+    assert!(bytes.windows(key.len()).any(|part| part == key));
+    let plot = "plot map/map.glb --readings r.csv --readings-unit degC -q";
+    dermatome(at, &format!("{plot} --level arm.thermal.L0 -o o.svg")).assert().success();
+    assert!(fs::read_to_string(at.join("o.svg")).unwrap().contains("9 fields"));
+    refuses(at, "lookup map/map.glb p.csv --level arm.thermal.L7", &["arm.thermal.L7", "arm.thermal.L0"]);
+    refuses(at, "lookup map/map.glb p.csv --level arm.heat.L0", &["arm.heat.L0"]);
+    refuses(at, "plot map/map.glb -o x.svg --level arm.thermal.L0", &["--readings"]);
+}

@@ -547,15 +547,15 @@ fn maps_hold_small_ids_as_floats() {
 }
 
 #[test]
-fn presence_is_one_of_three() {
+fn presence_is_one_of_four() {
     let with = |values: [f32; 4]| {
         let mut glb = Glb::square();
         glb.attribute("_PRESENT", 5126, "SCALAR", &f32s(&values));
         glb
     };
-    let presence = sheet(&with([0., 1., 2., 1.])).presence.unwrap();
-    assert_eq!(presence, [Presence::Absent, Presence::Present, Presence::ThermalPad, Presence::Present]);
-    assert!(refusal(&with([0., 1., 3., 1.])).contains("row 2"));
+    let presence = sheet(&with([0., 1., 2., 3.])).presence.unwrap();
+    assert_eq!(presence, [Presence::Absent, Presence::Present, Presence::ThermalPad, Presence::Other]);
+    assert!(refusal(&with([0., 1., 4., 1.])).contains("row 2"));
 }
 
 #[test]

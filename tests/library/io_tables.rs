@@ -178,7 +178,7 @@ fn a_row_has_a_cell_per_column_and_quotes_names() {
     let row = LookupRow {
         contact: 7,
         level: LevelId::new(1),
-        is_of_body: false,
+        fields: None,
         distance: -0.001,
         frame: "world",
         place: Some(place),
@@ -207,7 +207,7 @@ fn a_row_has_a_cell_per_column_and_quotes_names() {
 /// A row on a level that is off the skin.
 fn off_skin(contact: u64, level: usize) -> LookupRow<'static> {
     let level = LevelId::new(level);
-    LookupRow { contact, level, is_of_body: false, distance: 0.5, frame: "world", place: None, extra: &[] }
+    LookupRow { contact, level, fields: None, distance: 0.5, frame: "world", place: None, extra: &[] }
 }
 
 /// However many rows a contact has: all, in their order, each once.

@@ -33,6 +33,7 @@ mod map;
 mod map_regions;
 mod maps;
 mod mesh;
+mod modalities;
 mod observations;
 mod order;
 mod page;

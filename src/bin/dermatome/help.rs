@@ -204,7 +204,8 @@ Words:
   loop     a closed chain of edges with one face each: the rim of a patch or of a hole
   euler    vertices - edges + faces: 1 for a disk, 2 for a closed surface, 0 for a sleeve or torus
   spacing  the mean length of the edges
-  present, absent, thermal   the content of a slot of the skin: a working taxel, none, a thermal pad";
+  present, absent, thermal   the content of a slot of the skin: a working taxel, none, a thermal pad
+  modality                   what taxels sense: touch (force, pressure), thermal or another name";
 
 const OF_ANSWERS: &str = "\
 Words:

@@ -77,6 +77,11 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
             let object = |(level, regions)| json!({ "level": level, "fields": Vec::len(&regions), "regions": regions });
             all["body_levels"] = body_levels(map).into_iter().map(object).collect();
         }
+        let modalities = modalities(map.as_ref(), &skin);
+        if !modalities.is_empty() {
+            let object = |(patch, name, sensors, fields)| json!({ "patch": patch, "name": name, "sensors": sensors, "fields": fields });
+            all["modalities"] = modalities.into_iter().map(object).collect();
+        }
         if let Some(robot) = &robot {
             let rows = args.joints.as_ref().map(|joints| joints.rows(robot, common)).transpose()?;
             let first = rows.and_then(|rows| rows.into_iter().next()).map(|(_, values)| values);
@@ -94,6 +99,12 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         print_table(2, &rows)?;
         print_gaps(&gaps)?;
         map.iter().try_for_each(print_body_levels)?;
+        for (patch, name, sensors, fields) in modalities(map.as_ref(), &skin) {
+            let levels: Vec<String> = fields.iter().map(ToString::to_string).collect();
+            let levels =
+                if fields.is_empty() { String::new() } else { format!(", fields {}", levels.join(", ")) };
+            print(&format!("{}.{name}: sensors {sensors}{levels}\n", plain(&patch)))?;
+        }
         for (name, [from, to]) in skin.animations.iter().filter_map(times) {
             print(&format!("animation {}: {from} to {to} s\n", plain(name)))?;
         }
@@ -124,6 +135,23 @@ fn print_body_levels(map: &SkinMap) -> anyhow::Result<()> {
         print(&format!("{level}: {} {fields}{names}\n", regions.len()))?;
     }
     Ok(())
+}
+
+/// Of each patch the modalities besides touch: the number of sensors, and of a map that of the fields of each level.
+fn modalities(map: Option<&SkinMap>, skin: &Skin) -> Vec<(String, String, usize, Vec<usize>)> {
+    let fields = |id: PatchId, name: &str| {
+        let mut of_map = map.iter().flat_map(|map| &map.body.modalities);
+        let found = of_map.find(|modality| modality.patch == id && modality.name == name);
+        found.map_or_else(Vec::new, |found| found.levels.iter().map(|level| level.origins.len()).collect())
+    };
+    let of_patch = |(id, patch): (PatchId, &Patch)| {
+        let row = |name: &str| {
+            let sensors = patch.taxels.sensors(name).len();
+            (patch.name.clone(), name.to_owned(), sensors, fields(id, name))
+        };
+        patch.taxels.other_modalities().into_iter().map(row).collect::<Vec<_>>()
+    };
+    skin.patches.enumerate().flat_map(of_patch).collect()
 }
 
 /// Whether the mesh files of a robot are absent.

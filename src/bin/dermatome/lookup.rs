@@ -2,7 +2,7 @@
 
 mod answers;
 mod back;
-mod body;
+mod fields;
 mod contacts;
 mod player;
 mod readings;
@@ -53,9 +53,10 @@ pub(crate) struct Args {
     /// File for the answers; `-`: standard output
     #[arg(short, long, default_value = "-", value_name = "OUT.csv")]
     output: OutFile,
-    /// Give the rows of this level only, or of body.L0, body.L1, ... of the whole body; may be given more than once
+    /// Give the rows of this level only, or of one without a mesh: body.L0, body.L1, ... of the whole body,
+    /// arm.thermal.L0 of a modality; may be given more than once
     /// [default: all levels of the patches]
-    #[arg(long = "level", value_name = "K|body.LK", value_parser = level)]
+    #[arg(long = "level", value_name = "K|NAME.LK", value_parser = level)]
     levels: Vec<LevelArg>,
     /// Unit of the lengths in CONTACTS.csv: places and radii; answers are in m [default: m]
     #[arg(long, value_enum, value_name = "UNIT")]
@@ -195,10 +196,10 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     };
     let player = Player::new(args.pose.as_deref().unwrap_or(&args.map), motion);
     let question = args.question.question();
-    if !robot.body.is_empty() && matches!(question, Question::Fields(_) | Question::Within(_)) {
+    if !robot.fields.is_empty() && matches!(question, Question::Fields(_) | Question::Within(_)) {
         return Err(advise(
-            "--nearest and --within are of levels of the patches, not of the whole body",
-            "leave out --level body.LK; without --nearest it gives the fields of each contact",
+            "--nearest and --within are of levels with a mesh, not of the whole body or of modalities",
+            "leave out --level NAME.LK; without --nearest it gives the fields of each contact",
         ));
     }
     let options = IndexOptions {

@@ -240,7 +240,7 @@ mod tests {
         ("ID,...|F.csv", "3,17"),
         ("K", "2"),
         ("KIND=N", "dead=3"),
-        ("K|body.LK", "body.L1"),
+        ("K|NAME.LK", "body.L1"),
         ("KPA", "5"),
         ("KPA,...", "5,20"),
         ("L.json|tnc|tcn", "tcn"),

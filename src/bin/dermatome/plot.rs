@@ -45,8 +45,8 @@ pub(crate) struct Args {
     #[arg(long = "patch", value_name = "NAME", value_parser = pattern)]
     patches: Vec<Pattern>,
     /// Draw this level; may be given more than once [default: the finest three]. With --readings also body.L0, body.L1, ...
-    /// of the whole body, at the taxels
-    #[arg(long = "level", value_name = "K|body.LK", value_parser = level)]
+    /// of the whole body, and arm.thermal.L0 of a modality, at the taxels
+    #[arg(long = "level", value_name = "K|NAME.LK", value_parser = level)]
     levels: Vec<LevelArg>,
     /// What the colours show
     #[arg(long, value_parser = one_of(&SHOWN), default_value = "fields")]
@@ -122,7 +122,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let mut options = PlotOptions {
         patches: Vec::new(),
         levels: Vec::new(),
-        body_levels: Vec::new(),
+        field_levels: Vec::new(),
         paint: args.show,
         unfold: args.unfold.clone(),
         space: args.view.or(args.space.then(Viewpoint::default)),
@@ -137,10 +137,12 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     } else if !args.regions.is_empty() {
         return Err(Error::from(IoError::NoMap { path: (&args.map).into() }).into());
     }
-    (options.levels, options.body_levels) = LevelArg::sort(&args.levels, map.as_ref())?;
-    if args.frame.readings.is_none() && !options.body_levels.is_empty() {
+    let fields;
+    (options.levels, fields) = LevelArg::sort(&args.levels, map.as_ref())?;
+    options.field_levels = fields.into_iter().map(|(level, _)| level).collect();
+    if args.frame.readings.is_none() && !options.field_levels.is_empty() {
         return Err(advise(
-            "levels of the whole body have no map of their own",
+            "levels of the whole body and of modalities have no map of their own",
             "give --readings, whose values are drawn",
         ));
     }

@@ -1,9 +1,12 @@
 //! A recording as arrays: images and the values of every level, with all that numpy needs to read
 //! them without the map.
 
+use std::borrow::Cow;
+
 use serde_json::{Map, Value, json};
 
 use crate::atlas::{Atlas, AtlasPart};
+use crate::body::BodyLevel;
 use crate::id::IdVec;
 use crate::image::TactileImage;
 use crate::io::IoError;
@@ -12,7 +15,7 @@ use crate::io::arrays::write::{ArrayId, ArrayWriter};
 use crate::io::file::{OutPath, file_kind, unfit, write_file};
 use crate::map::{RegionId, Regions, SkinMap};
 use crate::pyramid::LevelId;
-use crate::signal::{Channel, LevelFrame};
+use crate::signal::{Channel, LevelFrame, ModalityValues};
 use crate::skin::PatchId;
 
 /// The content of a recording.
@@ -39,7 +42,8 @@ pub struct RecordingLayout<'a> {
 /// an amount in N per area, in N/m^2; `metres_per_pixel`, one number, or
 /// `PATCH.Lk.metres_per_pixel` where images differ. Packed
 /// images are `Lk.image` and so on. `body.Lk.values` and `body.Lk.valid` are those of the [levels of the whole body](crate::body), which
-/// have no image; a patch that is called `body` next to them has the keys `%62ody.Lk.values` and so on. The `.npy` is `(T, H, W)`, or `(T, C, H, W)` with several
+/// have no image; a patch that is called `body` next to them has the keys `%62ody.Lk.values` and so on. `PATCH.MODALITY.Lk.values` and `.valid` are
+/// those of a modality besides touch that a channel [is of](Channel::modality): NaN in the channels that are not, which `valid` leaves out. The `.npy` is `(T, H, W)`, or `(T, C, H, W)` with several
 /// channels.
 ///
 /// No file appears before [`RecordingWriter::finish`]; memory does not depend
@@ -83,9 +87,19 @@ pub struct RecordingWriter {
     /// Name and number of values of each image.
     expected: Vec<(String, usize)>,
     values: Vec<LevelValues>,
-    /// Values of each level of the whole body, and which are valid.
-    body: Vec<(LevelId, [ArrayId; 2])>,
+    /// Values of each level without a mesh, and which are valid.
+    fields: Vec<FieldValues>,
     features: Map<String, Value>,
+}
+
+/// A level of the whole body, or of a modality by its number in the map.
+struct FieldValues {
+    modality: Option<usize>,
+    level: LevelId,
+    /// Which channels are of it.
+    is_of_it: Vec<bool>,
+    values: ArrayId,
+    valid: ArrayId,
 }
 
 struct LevelValues {
@@ -115,7 +129,7 @@ impl RecordingWriter {
             images: Vec::new(),
             expected: Vec::new(),
             values: Vec::new(),
-            body: Vec::new(),
+            fields: Vec::new(),
             features: Map::new(),
         };
         let parts: Vec<_> = layout.atlas.iter().flat_map(|atlas| atlas.parts_of(layout.level)).collect();
@@ -247,13 +261,34 @@ impl RecordingWriter {
             }
         }
         for (level, fields) in map.body.levels.enumerate().filter(|_| layout.level.is_none()) {
-            let key = format!("body.L{level}");
-            let shape = [layout.channels.len(), fields.origins.len()];
-            let values = self.writer.growing(&format!("{key}.values"), ElementType::F32, &shape)?;
-            let valid = self.writer.growing(&format!("{key}.valid"), ElementType::U8, &shape[1..])?;
-            self.body.push((level, [values, valid]));
-            self.add_feature(&key, shape.iter().product(), layout.channels);
+            let is_of_it = vec![true; layout.channels.len()];
+            self.add_fields((format!("body.L{level}"), fields), (None, level), is_of_it, layout.channels)?;
         }
+        for (number, modality) in map.body.modalities.iter().enumerate().filter(|_| layout.level.is_none()) {
+            let channels = layout.channels.iter();
+            let is_of_it: Vec<bool> =
+                channels.map(|channel| channel.modality(map) == Some(&*modality.name)).collect();
+            for (level, fields) in modality.levels.enumerate().filter(|_| is_of_it.contains(&true)) {
+                let patch = name_in_keys(map, &map.patches[modality.patch].name);
+                let key = format!("{patch}.{}.L{level}", modality.name);
+                self.add_fields((key, fields), (Some(number), level), is_of_it.clone(), layout.channels)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn add_fields(
+        &mut self,
+        (key, fields): (String, &BodyLevel),
+        (modality, level): (Option<usize>, LevelId),
+        is_of_it: Vec<bool>,
+        channels: &[Channel],
+    ) -> Result<(), IoError> {
+        let shape = [channels.len(), fields.origins.len()];
+        let values = self.writer.growing(&format!("{key}.values"), ElementType::F32, &shape)?;
+        let valid = self.writer.growing(&format!("{key}.valid"), ElementType::U8, &shape[1..])?;
+        self.fields.push(FieldValues { modality, level, is_of_it, values, valid });
+        self.add_feature(&key, shape.iter().product(), channels);
         Ok(())
     }
 
@@ -316,16 +351,26 @@ impl RecordingWriter {
             }
             self.writer.push(*valid, Elements::U8(&all_valid))?;
         }
-        for (level, arrays) in &self.body {
+        for FieldValues { modality, level, is_of_it, values: array, valid: valid_array } in &self.fields {
+            let (of_channels, are_measured) = match modality {
+                None => (&frame.body, &frame.is_body_measured),
+                Some(number) => {
+                    let ModalityValues { values, is_measured } = &frame.modalities[*number];
+                    (values, is_measured)
+                }
+            };
             all_valid.clear();
-            for (values, is_measured) in frame.body.iter().zip(&frame.is_body_measured) {
-                self.writer.push(arrays[0], Elements::F64(values[*level].as_slice()))?;
+            for ((values, is_measured), is_of_it) in of_channels.iter().zip(are_measured).zip(is_of_it) {
+                self.writer.push(*array, Elements::F64(values[*level].as_slice()))?;
                 all_valid.resize(values[*level].len(), 1);
+                if !is_of_it {
+                    continue;
+                }
                 let known = values[*level].iter().zip(&is_measured[*level]);
                 let known = known.map(|(x, is_measured)| !x.is_nan() && *is_measured);
                 all_valid.iter_mut().zip(known).for_each(|(valid, known)| *valid &= u8::from(known));
             }
-            self.writer.push(arrays[1], Elements::U8(&all_valid))?;
+            self.writer.push(*valid_array, Elements::U8(&all_valid))?;
         }
         self.writer.end_frame()
     }
@@ -350,9 +395,20 @@ impl RecordingWriter {
     }
 }
 
-/// The name of a patch in keys: `body` is that of the levels of the whole body, where there are some.
-fn name_in_keys<'a>(map: &SkinMap, name: &'a str) -> &'a str {
-    if name == "body" && !map.body.levels.is_empty() { "%62ody" } else { name }
+/// The name of a patch in keys: `body` is that of the levels of the whole body, where there are some, and the name of
+/// another patch with a modality of it that of its levels.
+fn name_in_keys<'a>(map: &SkinMap, name: &'a str) -> Cow<'a, str> {
+    if name == "body" && !map.body.levels.is_empty() {
+        return "%62ody".into();
+    }
+    let is_taken = |(patch, modality): (&str, &str)| {
+        let mut all = map.body.modalities.iter();
+        all.any(|other| other.name == modality && map.patches[other.patch].name == patch)
+    };
+    match name.rsplit_once('.').filter(|of| is_taken(*of)) {
+        Some((patch, modality)) => format!("{patch}%2e{modality}").into(),
+        None => name.into(),
+    }
 }
 
 /// Side of a pixel, in m.

@@ -3,9 +3,10 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::body::{Body, BodyLevel, BodyTaxel, field_areas};
+use crate::body::{Body, BodyLevel, BodyTaxel, Modality, field_areas};
 use crate::id::{IdVec, VertexId};
 use crate::io::error::Result;
+use crate::io::file::excerpt;
 use crate::io::gltf::document::Document;
 use crate::io::gltf::rows::{add_rows, read_rows};
 use crate::io::gltf::writer::SceneWriter;
@@ -40,6 +41,19 @@ struct BodyExtras {
     /// The levels of the whole body, finest first.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     levels: Vec<BodyLevelExtras>,
+    /// The fields of modalities besides touch.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    modalities: Vec<ModalityExtras>,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+struct ModalityExtras {
+    /// The number of the patch, in the order of their meshes.
+    patch: u32,
+    /// Its name, such as `thermal`.
+    name: String,
+    /// Its levels, finest first; level 0 has the taxels of the patch in terms of its fields.
+    levels: Vec<BodyLevelExtras>,
 }
 
 #[derive(Debug, Serialize, Deserialize)]
@@ -71,16 +85,40 @@ fn body_extras(writer: &mut SceneWriter<'_>, map: &SkinMap) -> BodyExtras {
     let row = |[a, b]: &[BodyTaxel; 2]| [a.patch.raw(), a.taxel.raw(), b.patch.raw(), b.taxel.raw()];
     let links = (!body.links.is_empty()).then(|| writer.array(None, body.links.iter().map(row)).value());
     let areas = |rows| field_areas(rows, map.patches.iter().map(|patch| &patch.taxels.areas));
-    let mut levels = Vec::new();
-    for (level, rows) in body.levels.iter().zip(&map.body_rows().0) {
-        let origins = level.origins.iter().map(|at| [at.patch.raw(), at.taxel.raw()]);
-        levels.push(BodyLevelExtras {
-            origins: writer.array(None, origins).value(),
-            area: writer.array(None, areas(rows).iter().map(|&area| [narrow(area)])).value(),
-            up: add_rows(writer, &level.rows),
-        });
+    let rows = map.body_rows().0;
+    let levels =
+        body.levels.iter().zip(&rows).map(|(level, rows)| add_level(writer, level, &areas(rows))).collect();
+    let mut modalities = Vec::new();
+    for modality in &body.modalities {
+        let areas = modality.field_areas(&map.patches[modality.patch].taxels.areas);
+        let levels = modality.levels.iter().zip(&areas).map(|(level, areas)| add_level(writer, level, areas));
+        let (patch, name) = (modality.patch.raw(), modality.name.clone());
+        modalities.push(ModalityExtras { patch, name, levels: levels.collect() });
     }
-    BodyExtras { links, levels }
+    BodyExtras { links, levels, modalities }
+}
+
+fn add_level(
+    writer: &mut SceneWriter<'_>,
+    level: &BodyLevel,
+    areas: &IdVec<VertexId, f64>,
+) -> BodyLevelExtras {
+    let origins = level.origins.iter().map(|at| [at.patch.raw(), at.taxel.raw()]);
+    BodyLevelExtras {
+        origins: writer.array(None, origins).value(),
+        area: writer.array(None, areas.iter().map(|&area| [narrow(area)])).value(),
+        up: add_rows(writer, &level.rows),
+    }
+}
+
+fn read_level(document: &Document, name: &str, level: &BodyLevelExtras) -> Result<BodyLevel> {
+    let name = |what| format!("extras.dermatome.body {name} {what}");
+    let origins = document.accessor(level.origins, &name("origins"))?.integers::<2>()?;
+    let taxel =
+        |[patch, taxel]: [u32; 2]| BodyTaxel { patch: PatchId::from(patch), taxel: VertexId::from(taxel) };
+    let origins: IdVec<VertexId, BodyTaxel> = origins.into_iter().map(taxel).collect();
+    let rows = read_rows(document, &name("up"), level.up, origins.len())?;
+    Ok(BodyLevel { origins, rows })
 }
 
 /// Reads the body and the atlas of a map; an empty body from a file that has none, as older ones.
@@ -113,7 +151,7 @@ fn read_body(document: &Document, extras: Option<serde_json::Value>) -> Result<B
         document.invalid(
             ELEMENT,
             e.to_string(),
-            "links and levels with origins, area and up, as numbers of accessors",
+            "links, levels and modalities, their levels with origins, area and up as numbers of accessors",
         )
     })?;
     let mut body = Body::default();
@@ -123,16 +161,15 @@ fn read_body(document: &Document, extras: Option<serde_json::Value>) -> Result<B
             |patch: u32, taxel: u32| BodyTaxel { patch: PatchId::from(patch), taxel: VertexId::from(taxel) };
         body.links = rows.into_iter().map(|[p, v, q, w]| [taxel(p, v), taxel(q, w)]).collect();
     }
-    for (number, level) in extras.levels.into_iter().enumerate() {
-        let name = |what| format!("extras.dermatome.body level {number} {what}");
-        let origins = document.accessor(level.origins, &name("origins"))?.integers::<2>()?;
-        let taxel = |[patch, taxel]: [u32; 2]| BodyTaxel {
-            patch: PatchId::from(patch),
-            taxel: VertexId::from(taxel),
+    for (number, level) in extras.levels.iter().enumerate() {
+        body.levels.push(read_level(document, &format!("level {number}"), level)?);
+    }
+    for ModalityExtras { patch, name, levels } in extras.modalities {
+        let of_level = |(number, level): (usize, &BodyLevelExtras)| {
+            read_level(document, &format!("modality {} level {number}", excerpt(&name)), level)
         };
-        let origins: IdVec<VertexId, BodyTaxel> = origins.into_iter().map(taxel).collect();
-        let rows = read_rows(document, &name("up"), level.up, origins.len())?;
-        body.levels.push(BodyLevel { origins, rows });
+        let levels = levels.iter().enumerate().map(of_level).collect::<Result<_>>()?;
+        body.modalities.push(Modality { patch: PatchId::from(patch), name, levels });
     }
     Ok(body)
 }

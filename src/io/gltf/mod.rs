@@ -81,6 +81,9 @@ pub(super) struct LevelExtras {
     /// On level 0 the names of the regions that `_REGION` counts from 1 on.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub regions: Vec<String>,
+    /// On level 0 the texts of [`Modalities`](crate::skin::Modalities) that `_MODALITY` counts from 1 on.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub modalities: Vec<String>,
     /// On level 0 whether the ids only count the taxels.
     #[serde(default, skip_serializing_if = "is_false")]
     pub counted: bool,
@@ -90,11 +93,14 @@ pub(super) struct LevelExtras {
 }
 
 /// `extras.dermatome` of a mesh of a skin.
-#[derive(Debug, Default, Serialize, Deserialize)]
+#[derive(Debug, Default, PartialEq, Serialize, Deserialize)]
 struct SheetExtras {
     /// The names of the regions that `_REGION` counts from 1 on.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     regions: Vec<String>,
+    /// The texts of [`Modalities`](crate::skin::Modalities) that `_MODALITY` counts from 1 on.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    modalities: Vec<String>,
     /// Whether the ids only count the taxels.
     #[serde(default, skip_serializing_if = "is_false")]
     counted: bool,
@@ -151,9 +157,9 @@ impl LevelExtras {
     /// The extras of a mesh; `None` without, or if they are those of a skin.
     pub(super) fn of(mesh: &Mesh) -> Option<Result<Self, serde_json::Error>> {
         let content = content(&mesh.extras)?;
-        let is_of_skin = content
-            .as_object()
-            .is_some_and(|keys| keys.keys().all(|key| ["regions", "counted"].contains(&&**key)));
+        let is_of_skin = content.as_object().is_some_and(|keys| {
+            keys.keys().all(|key| ["regions", "modalities", "counted"].contains(&&**key))
+        });
         (!is_of_skin).then(|| Self::deserialize(content))
     }
 }

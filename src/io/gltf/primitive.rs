@@ -20,7 +20,7 @@ use crate::io::gltf::nodes::Placement;
 const UNIT_NORMAL: f64 = 0.00674;
 
 /// What is needed of a skin in addition to positions, where it is there.
-const OF_TAXELS: [&str; 9] = [
+const OF_TAXELS: [&str; 10] = [
     "_TAXEL_ID",
     "_AREA",
     "_DENSITY",
@@ -28,6 +28,7 @@ const OF_TAXELS: [&str; 9] = [
     "_ACUITY",
     "_PRESENT",
     "_REGION",
+    "_MODALITY",
     "_COVARIANCE_0",
     "_COVARIANCE_1",
 ];

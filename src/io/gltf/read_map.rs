@@ -20,7 +20,7 @@ use crate::io::gltf::document::Document;
 use crate::io::gltf::joints::Binding;
 use crate::io::gltf::nodes::read_node_tree;
 use crate::io::gltf::primitive::{Attributes, Shape};
-use crate::io::gltf::read_skin::{read_covariances, read_ids, read_presence, read_regions};
+use crate::io::gltf::read_skin::{read_covariances, read_ids, read_names, read_presence};
 use crate::io::gltf::rows::read_rows;
 use crate::io::gltf::{FrameExtras, GENERATOR, LevelExtras, Notes, RowsExtras};
 use crate::map::{ImageFrame, MapLevel, PatchMap, SkinMap};
@@ -213,7 +213,11 @@ fn read_level(
         let tangents =
             tangents.map(|all| all.into_iter().zip(&normals).map(|(t, &n)| tangent(t, n)).collect());
         let presence = attributes.read("_PRESENT", read_presence)?;
-        let regions = attributes.read("_REGION", |accessor| read_regions(accessor, &extras.regions))?;
+        let names = |attribute, names: &[String]| {
+            attributes.read(attribute, |accessor| read_names(accessor, attribute, names))
+        };
+        let regions = names("_REGION", &extras.regions)?;
+        let modalities = names("_MODALITY", &extras.modalities)?;
         let joints = binding.map_or(Ok(None), |binding| binding.joints(&attributes))?;
         *taxels = Taxels {
             binds: binding.map(|binding| binding.binds.clone()).unwrap_or_default(),
@@ -229,6 +233,7 @@ fn read_level(
             covariances: read_covariances(&attributes)?.map(IdVec::from),
             joints: joints.map(IdVec::from),
             regions: regions.map(IdVec::from),
+            modalities: modalities.map(IdVec::from),
         };
     }
     let whole = MapLevel {

@@ -1,6 +1,7 @@
 //! Skins from glTF: one sheet for each node that carries a mesh of triangles.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 
 use glam::{DAffine3, DMat3, DVec2};
 use gltf::accessor::Dimensions;
@@ -15,15 +16,15 @@ use crate::io::gltf::nodes::{Placement, read_node_tree};
 use crate::io::gltf::primitive::{Attributes, Shape, check_morphs};
 use crate::io::gltf::{LevelExtras, Notes, SheetExtras, UNKNOWN_VARIANCE};
 use crate::io::{IoError, ReadParts};
-use crate::skin::{Covariance, Draft, Joints, Presence, RegionName, Remark, RemarkKind, Sheet, TaxelId};
+use crate::skin::{Covariance, Draft, Joints, Presence, Remark, RemarkKind, Sheet, TaxelId};
 
 /// Reads the default scene of a `.glb` or `.gltf` file: one sheet per node that carries a mesh of
 /// triangles; in a scene without any triangle, one sheet of bare taxels per node that carries points.
 ///
 /// The primitives of a mesh become one sheet; points next to triangles, and lines, are passed over. `_TAXEL_ID` may be
 /// u8, u16, whole floats up to 2^24 or VEC2 of u16 (low, high); `_AREA` (m^2), `_DENSITY` (1/m^2), `_WEIGHT`,
-/// `_ACUITY`, `_PRESENT` (0 absent, 1 present, 2 thermal pad) and `_REGION` (0 none, else counted from 1 in
-/// `extras.dermatome.regions` of the mesh) are scalars, and belong to every primitive
+/// `_ACUITY`, `_PRESENT` (0 absent, 1 present, 2 thermal pad, 3 another sensor), `_REGION` and `_MODALITY` (0 none, else
+/// counted from 1 in `extras.dermatome.regions` and `.modalities` of the mesh) are scalars, and belong to every primitive
 /// of a mesh or to none, as do the joints of a mesh that is skinned. Materials and morph targets are
 /// not read; a `map.glb` reads as the skin it is a map of.
 pub(crate) fn read_gltf(source: Source, parts: ReadParts) -> Result<Draft> {
@@ -87,15 +88,15 @@ fn read_sheet(
     let mut starts = BTreeMap::new();
     let mut points = BTreeSet::new();
     let mut texture: Option<Vec<DVec2>> = None;
-    let SheetExtras { regions, counted } = SheetExtras::of(mesh).unwrap_or_default();
-    sheet.are_counted = counted;
+    let extras = SheetExtras::of(mesh).unwrap_or_default();
+    sheet.are_counted = extras.counted;
     for (p, primitive) in mesh.primitives.iter().enumerate().filter(|(_, p)| Shape::of(p) == shape) {
         let attributes = Attributes::of(document, placement.mesh, p, primitive)?;
         let start = match starts.get(&primitive.attributes) {
             Some(&start) => start,
             None => {
                 let start = sheet.positions.len();
-                append_vertices(&attributes, binding, &mut sheet, (starts.is_empty(), &regions))?;
+                append_vertices(&attributes, binding, &mut sheet, (starts.is_empty(), &extras))?;
                 if parts.texture {
                     let part = attributes.read("TEXCOORD_0", |a| a.reals(DVec2::from_array))?;
                     if join(&mut texture, part, starts.is_empty()).is_err() {
@@ -130,6 +131,7 @@ fn read_sheet(
     if shape == Shape::Points && points.len() < sheet.positions.len() {
         sheet = sheet.select(&points.into_iter().collect::<Vec<_>>());
     }
+    sheet.follow_modalities();
     if let Some(stretch) = placement.stretch {
         sheet.positions.iter_mut().for_each(|p| *p = stretch * *p);
         bake(&mut sheet, |_| stretch);
@@ -159,7 +161,7 @@ fn append_vertices(
     attributes: &Attributes<'_>,
     binding: Option<&Binding>,
     sheet: &mut Sheet,
-    (first, regions): (bool, &[String]),
+    (first, extras): (bool, &SheetExtras),
 ) -> Result<()> {
     append(&mut sheet.positions, attributes.positions()?);
     let all_or_none = |name: &str, joined: Result<(), &str>| {
@@ -171,8 +173,13 @@ fn append_vertices(
         (attributes.read("_TAXEL_ID", read_ids)?, attributes.read("_PRESENT", read_presence)?);
     all_or_none("_TAXEL_ID", join(&mut sheet.ids, ids, first))?;
     all_or_none("_PRESENT", join(&mut sheet.presence, presence, first))?;
-    let of_region = attributes.read("_REGION", |accessor| read_regions(accessor, regions))?;
-    all_or_none("_REGION", join(&mut sheet.regions, of_region, first))?;
+    for (name, all, names) in [
+        ("_REGION", &mut sheet.regions, &extras.regions),
+        ("_MODALITY", &mut sheet.modalities, &extras.modalities),
+    ] {
+        let part = attributes.read(name, |accessor| read_names(accessor, name, names))?;
+        all_or_none(name, join(all, part, first))?;
+    }
     all_or_none("_AREA", join(&mut sheet.areas, attributes.scalars("_AREA")?, first))?;
     all_or_none("_DENSITY", join(&mut sheet.densities, attributes.scalars("_DENSITY")?, first))?;
     all_or_none("_WEIGHT", join(&mut sheet.weights, attributes.scalars("_WEIGHT")?, first))?;
@@ -243,19 +250,24 @@ pub(super) fn read_ids(accessor: &Accessor<'_>) -> Result<Vec<TaxelId>> {
 pub(super) fn read_presence(accessor: &Accessor<'_>) -> Result<Vec<Presence>> {
     let refuse = |row: usize, x: f64| {
         let found = format!("_PRESENT {x} in row {row}");
-        accessor.invalid(found, "0 (absent), 1 (present) or 2 (thermal pad)")
+        accessor.invalid(found, "0 (absent), 1 (present), 2 (thermal pad) or 3 (another sensor)")
     };
     let presence = |(row, x): (usize, f64)| Presence::from_code(x).ok_or_else(|| refuse(row, x));
     accessor.reals(|[x]| x)?.into_iter().enumerate().map(presence).collect()
 }
 
-/// The regions of taxels, by their numbers among `names` from 1 on; 0 is none.
-pub(super) fn read_regions(accessor: &Accessor<'_>, names: &[String]) -> Result<Vec<Option<RegionName>>> {
-    let names: Vec<RegionName> = names.iter().map(|name| name.as_str().into()).collect();
+/// The names of taxels, by their numbers among `names` from 1 on; 0 is none.
+pub(super) fn read_names(
+    accessor: &Accessor<'_>,
+    attribute: &str,
+    names: &[String],
+) -> Result<Vec<Option<Arc<str>>>> {
+    let names: Vec<Arc<str>> = names.iter().map(|name| name.as_str().into()).collect();
     let region = |(row, x): (usize, f64)| {
         if x.fract() != 0.0 || !(0.0..=names.len() as f64).contains(&x) {
-            let needed = format!("0 to {}: extras.dermatome.regions of the mesh lists them", names.len());
-            return Err(accessor.invalid(format!("_REGION {x} in row {row}"), needed));
+            let list = if attribute == "_REGION" { "regions" } else { "modalities" };
+            let needed = format!("0 to {}: extras.dermatome.{list} of the mesh lists them", names.len());
+            return Err(accessor.invalid(format!("{attribute} {x} in row {row}"), needed));
         }
         #[expect(
             clippy::cast_possible_truncation,

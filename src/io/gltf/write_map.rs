@@ -18,7 +18,7 @@ use crate::io::error::Result;
 use crate::io::file::{OutPath, replace_file, unfit};
 use crate::io::gltf::body::write_extras;
 use crate::io::gltf::rows::add_rows;
-use crate::io::gltf::write_skin::{Codes, SheetWriter, joints_of, mesh, node};
+use crate::io::gltf::write_skin::{Codes, Names, SheetWriter, joints_of, mesh, node};
 use crate::io::gltf::writer::{Form, PatchNode, SceneWriter};
 use crate::io::gltf::{FrameExtras, LevelExtras};
 use crate::map::{MapError, MapLevel, SkinMap};
@@ -26,7 +26,7 @@ use crate::mesh::{FlatTriangle, TriMesh, VertexCorners};
 use crate::numeric::{hash, narrow};
 use crate::parallel::{par_collect, par_map};
 use crate::pyramid::{Level, LevelId, Pyramid, PyramidError};
-use crate::skin::{Link, LinkId, Motion, RegionName, Skin, Taxels, region_names};
+use crate::skin::{Link, LinkId, Motion, Skin, Taxels};
 
 /// Writes `map.glb`: one mesh and node per patch and level, named `PATCH/L0`, `PATCH/L1`, ...; one
 /// scene per level.
@@ -35,7 +35,7 @@ use crate::skin::{Link, LinkId, Motion, RegionName, Skin, Taxels, region_names};
 /// and under them the patches. `TEXCOORD_0` is the map position in the unit square of the level's
 /// image, `TANGENT` with `w` 1 the tangents of the taxels that the vertices are, `_AREA` the receptive
 /// area (m^2). Level 0 has what a skin has: `_TAXEL_ID` (f32, or where an id is 2^24 or larger VEC2 of u16:
-/// low, high), `_PRESENT` (f32), and `_DENSITY`, `_WEIGHT`, `_ACUITY`, `_REGION` (f32), `_SIGMA` and `_COVARIANCE_0/1`
+/// low, high), `_PRESENT` (f32), and `_DENSITY`, `_WEIGHT`, `_ACUITY`, `_REGION`, `_MODALITY` (f32), `_SIGMA` and `_COVARIANCE_0/1`
 /// where they are known. A patch that follows several links has a skin of glTF on each level, whose joints are the
 /// nodes of the links; its nodes are roots, as glTF requires, and `extras.dermatome` of each is
 /// `{"link": N}`, the node of its own link. The mesh's `extras.dermatome` has the names of patch and level, the
@@ -171,12 +171,12 @@ fn write_levels(
     }
     let mut writer = SceneWriter::new(path);
     let deepest = patches.iter().map(|patch| patch.levels.len()).max().unwrap_or_default();
-    let regions = region_names(patches.iter().map(|patch| patch.taxels));
+    let names = Names::of(patches.iter().map(|patch| patch.taxels));
     for level in (0..deepest).map(LevelId::new) {
         let mut wanted = links.map(|_| level.index() == 0);
         let mut nodes = Vec::new();
         for patch in patches.iter().filter(|patch| level.index() < patch.levels.len()) {
-            let mesh = add_level(&mut writer, patch, level, &regions)?;
+            let mesh = add_level(&mut writer, patch, level, &names)?;
             let joints = joints_of(patch.taxels);
             for first in joints.iter().copied().chain([patch.link]) {
                 let mut link = Some(first);
@@ -208,7 +208,7 @@ fn add_level(
     writer: &mut SceneWriter<'_>,
     patch: &PatchLevels<'_>,
     number: LevelId,
-    regions: &[RegionName],
+    names: &Names,
 ) -> Result<Index<Mesh>> {
     let name = level_name(patch, number);
     let (level, map) = patch.levels[number];
@@ -218,10 +218,10 @@ fn add_level(
     if number.index() == 0 {
         let count = opened.positions.len();
         match unsplit {
-            None => sheet.taxels(patch.taxels, count, regions, Codes::Real)?,
+            None => sheet.taxels(patch.taxels, count, names, Codes::Real)?,
             Some(at) => {
                 let opened = patch.taxels.select(at);
-                sheet.taxels(&opened, count, regions, Codes::Real)?;
+                sheet.taxels(&opened, count, names, Codes::Real)?;
             }
         }
     } else {
@@ -249,6 +249,8 @@ fn add_level(
         primitive.material = Some(plain(writer));
     }
 
+    let [regions, modalities] =
+        if number.index() == 0 { names.known_to(patch.taxels) } else { Default::default() };
     let content = LevelExtras {
         patch: patch.name.to_owned(),
         level: number.index(),
@@ -263,10 +265,8 @@ fn add_level(
         origins: (number.index() > 0)
             .then(|| writer.array(None, level.origins.iter().map(|v| [v.raw()])).value()),
         unsplit: unsplit.map(|at| writer.array(None, at.iter().map(|v| [v.raw()])).value()),
-        regions: match &patch.taxels.regions {
-            Some(_) if number.index() == 0 => regions.iter().map(ToString::to_string).collect(),
-            _ => Vec::new(),
-        },
+        regions,
+        modalities,
         counted: number.index() == 0 && patch.taxels.are_counted,
         atlas: patch.atlas.filter(|_| number.index() == 0).cloned(),
     };

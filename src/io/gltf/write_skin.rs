@@ -2,6 +2,7 @@
 //! the taxels as attributes. All is rounded to `f32`; what that would break is refused.
 
 use std::collections::{BTreeMap, HashMap};
+use std::sync::Arc;
 use std::{io::Write, path::Path};
 
 use glam::DVec3;
@@ -20,15 +21,16 @@ use crate::io::gltf::{SheetExtras, UNKNOWN_VARIANCE};
 use crate::mesh::TriMesh;
 use crate::numeric::narrow;
 use crate::skin::{
-    Covariance, Joints, LinkId, RegionName, Skin, TaxelId, Taxels, region_names, scaled_joints,
+    Covariance, Joints, LinkId, Modalities, RegionName, Skin, TaxelId, Taxels, names_of, scaled_joints,
 };
 
 /// Writes a skin as one file, binary or, if it ends in `gltf`, text with the arrays in a data URI: a
 /// node for each link, and under it one for each of its patches.
 ///
 /// Tangents become `TANGENT` with `w` 1, ids `_TAXEL_ID` (VEC2 of u16: low, high), areas `_AREA` (m^2), densities `_DENSITY`
-/// (1/m^2), weights `_WEIGHT`, acuities `_ACUITY`, presence `_PRESENT` (0 absent, 1 present, 2 thermal pad), regions
-/// `_REGION` (0 none, else counted from 1 in `extras.dermatome.regions` of the mesh). Covariances become `_SIGMA`
+/// (1/m^2), weights `_WEIGHT`, acuities `_ACUITY`, presence `_PRESENT` (0 absent, 1 present, 2 thermal pad, 3 another
+/// sensor), regions `_REGION` and what taxels sense `_MODALITY` (0 none, else counted from 1 in
+/// `extras.dermatome.regions` and `.modalities` of the mesh). Covariances become `_SIGMA`
 /// (square root of their trace, in m) and `_COVARIANCE_0` (xx, xy, xz) with `_COVARIANCE_1` (yy,
 /// yz, zz), in m^2. A patch that follows several links has a skin of glTF, whose joints are their nodes. Everything
 /// is rounded to `f32`.
@@ -37,16 +39,16 @@ pub(crate) fn write_skin(output: &mut dyn Write, path: &Path, skin: &Skin) -> Re
         return Err(unfit(path, "the skin", "no patch", "at least one"));
     }
     let mut writer = SceneWriter::new(path);
-    let regions = region_names(skin.patches.iter().map(|patch| &patch.taxels));
+    let names = Names::of(skin.patches.iter().map(|patch| &patch.taxels));
     let mut nodes = Vec::new();
     for patch in &skin.patches {
         let mut sheet = SheetWriter::new(&mut writer, format!("patch {:?}", patch.name), &patch.mesh)?;
-        sheet.taxels(&patch.taxels, patch.mesh.positions.len(), &regions, Codes::Whole)?;
+        sheet.taxels(&patch.taxels, patch.mesh.positions.len(), &names, Codes::Whole)?;
         let mut mesh = mesh(patch.name.clone(), sheet.finish());
-        let (has_regions, counted) = (patch.taxels.regions.is_some(), patch.taxels.are_counted);
-        if has_regions || counted {
-            let regions = regions.iter().filter(|_| has_regions).map(ToString::to_string).collect();
-            mesh.extras = writer.extras(&SheetExtras { regions, counted })?;
+        let ([regions, modalities], counted) = (names.known_to(&patch.taxels), patch.taxels.are_counted);
+        let extras = SheetExtras { regions, modalities, counted };
+        if extras != SheetExtras::default() {
+            mesh.extras = writer.extras(&extras)?;
         }
         let node = node(patch.name.clone(), writer.root.push(mesh));
         let (joints, binds) = (joints_of(&patch.taxels), patch.taxels.binds.clone());
@@ -98,6 +100,28 @@ pub(super) enum Codes {
     Real,
 }
 
+/// The names that taxels of all patches have, which files count from 1 on.
+pub(super) struct Names {
+    regions: Vec<RegionName>,
+    modalities: Vec<Modalities>,
+}
+
+impl Names {
+    pub(super) fn of<'a>(patches: impl Iterator<Item = &'a Taxels> + Clone) -> Self {
+        let regions = names_of(patches.clone().map(|taxels| &taxels.regions));
+        Self { regions, modalities: names_of(patches.map(|taxels| &taxels.modalities)) }
+    }
+
+    /// The regions and modalities to list where these taxels have any.
+    pub(super) fn known_to(&self, taxels: &Taxels) -> [Vec<String>; 2] {
+        let list = |is_known: bool, names: &[Arc<str>]| {
+            names.iter().filter(|_| is_known).map(ToString::to_string).collect()
+        };
+        let Self { regions, modalities } = self;
+        [list(taxels.regions.is_some(), regions), list(taxels.modalities.is_some(), modalities)]
+    }
+}
+
 /// Writes the arrays of one mesh, each checked for what `f32` and glTF cannot express.
 pub(super) struct SheetWriter<'a, 'p> {
     writer: &'a mut SceneWriter<'p>,
@@ -145,12 +169,12 @@ impl<'a, 'p> SheetWriter<'a, 'p> {
         self.attributes.insert(Checked::Valid(semantic), rows);
     }
 
-    /// Adds what is known of taxels, their regions as numbers in a list of all `regions`.
+    /// Adds what is known of taxels, their regions and modalities as numbers in lists of all `names`.
     pub(super) fn taxels(
         &mut self,
         taxels: &Taxels,
         vertices: usize,
-        regions: &[RegionName],
+        names: &Names,
         codes: Codes,
     ) -> Result<()> {
         taxels.validate(vertices).map_err(|e| self.unfit(e.to_string(), "one valid taxel per vertex"))?;
@@ -181,7 +205,10 @@ impl<'a, 'p> SheetWriter<'a, 'p> {
             Codes::Real => self.insert("_PRESENT", taxels.presence.iter().map(|&p| [f32::from(p.code())])),
         }
         if let Some(of_taxels) = &taxels.regions {
-            self.regions(of_taxels, regions, codes)?;
+            self.names("_REGION", of_taxels, &names.regions, codes)?;
+        }
+        if let Some(of_taxels) = &taxels.modalities {
+            self.names("_MODALITY", of_taxels, &names.modalities, codes)?;
         }
         if let Some(joints) = &taxels.joints {
             self.joints(&joints_of(taxels), joints.as_slice())?;
@@ -189,22 +216,23 @@ impl<'a, 'p> SheetWriter<'a, 'p> {
         taxels.covariances.as_ref().map_or(Ok(()), |covariances| self.covariances(covariances))
     }
 
-    /// The numbers of the regions of taxels, from 1 on; 0 for none.
-    fn regions(
+    /// The numbers of the names of taxels, from 1 on; 0 for none.
+    fn names(
         &mut self,
-        of_taxels: &IdVec<VertexId, Option<RegionName>>,
-        names: &[RegionName],
+        attribute: &str,
+        of_taxels: &IdVec<VertexId, Option<Arc<str>>>,
+        names: &[Arc<str>],
         codes: Codes,
     ) -> Result<()> {
         if names.len() > usize::from(u16::MAX) {
-            return Err(self.unfit(format!("{} regions", names.len()), "less than 2^16"));
+            return Err(self.unfit(format!("{attribute} with {} names", names.len()), "less than 2^16"));
         }
-        let numbers: HashMap<&RegionName, u16> = names.iter().zip(1..).collect();
+        let numbers: HashMap<&Arc<str>, u16> = names.iter().zip(1..).collect();
         let number =
-            |name: &Option<RegionName>| name.as_ref().and_then(|name| numbers.get(name)).map_or(0, |n| *n);
+            |name: &Option<Arc<str>>| name.as_ref().and_then(|name| numbers.get(name)).map_or(0, |n| *n);
         match codes {
-            Codes::Whole => self.insert("_REGION", of_taxels.iter().map(|name| [number(name)])),
-            Codes::Real => self.insert("_REGION", of_taxels.iter().map(|name| [f32::from(number(name))])),
+            Codes::Whole => self.insert(attribute, of_taxels.iter().map(|name| [number(name)])),
+            Codes::Real => self.insert(attribute, of_taxels.iter().map(|name| [f32::from(number(name))])),
         }
         Ok(())
     }

@@ -120,6 +120,7 @@ pub fn lost_in(path: &Path, skin: &Skin) -> Vec<&'static str> {
         (is_plain && has(|taxels| taxels.covariances.is_some()), "the covariances of the taxels are lost"),
         (is_plain && has(|taxels| taxels.weights.is_some()), "the weights of the taxels are lost"),
         (is_plain && has(|taxels| taxels.regions.is_some()), "the regions of the taxels are lost"),
+        (is_plain && has(|taxels| taxels.modalities.is_some()), "what the taxels sense is lost"),
         (is_other && has(|taxels| taxels.acuities.is_some()), "the acuities of the taxels are lost"),
         (is_other && has(|taxels| taxels.joints.is_some()), "which links the taxels follow is lost"),
         (is_other && !skin.animations.is_empty(), "the animations of the links are lost"),

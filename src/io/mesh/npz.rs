@@ -41,7 +41,7 @@ pub(crate) fn read(source: &Source) -> Result<Draft, IoError> {
     }
     if let Some(codes) = of_each(&["present"])? {
         let presence: Option<_> = codes.numbers.iter().map(|&code| Presence::from_code(code)).collect();
-        let needed = "0 absent, 1 present or 2 thermal pad";
+        let needed = "0 absent, 1 present, 2 thermal pad or 3 another sensor";
         let refuse = || invalid(path, "array `present`", "another number", needed);
         sheet.presence = Some(presence.ok_or_else(refuse)?);
     }

@@ -83,6 +83,7 @@ fn presence_name(presence: Presence) -> &'static str {
         Presence::Present => "pressure",
         Presence::Absent => "absent",
         Presence::ThermalPad => "thermal",
+        Presence::Other => "other",
     }
 }
 

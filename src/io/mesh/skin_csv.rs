@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 
-use crate::id::VertexId;
+use crate::id::{IdVec, VertexId};
 use crate::io::error::Result;
 use crate::io::file::OutPath;
 use crate::io::file::{Source, finite};
@@ -16,13 +16,16 @@ use crate::io::table::regions::NAME_NEEDED;
 use crate::io::table::writer::{TableWriter, write_table};
 use crate::io::table::{Columns, Row, Table};
 use crate::skin::{
-    Covariance, Draft, Link, LinkId, Patch, Presence, RegionName, Remark, RemarkKind, Sheet, Skin, TaxelId,
-    is_region_name,
+    Covariance, Draft, Link, LinkId, Modalities, NAMES_OF_MODALITIES, Patch, Presence, RegionName, Remark,
+    RemarkKind, Sheet, Skin, TaxelId, are_modalities, is_region_name,
 };
 
 /// Columns of the table of taxels.
 const COLUMNS: &str = "id,x,y,z,nx,ny,nz,qx,qy,qz,qw,area,density,weight,present,patch,on_link,\
                        cxx,cxy,cxz,cyy,cyz,czz,region";
+
+/// The column of what taxels sense, which only skins that know it have.
+const MODALITY: &str = "modality";
 
 /// The link that a taxel is on, where positions are in the world: in a table of contacts `link`
 /// would mean that they are in the frame of that link.
@@ -56,13 +59,15 @@ struct ColumnIndices {
     rotation: Option<[usize; 4]>,
     tangent: Option<[usize; 3]>,
     region: Option<usize>,
+    modality: Option<usize>,
 }
 
 /// Reads the two tables, or the taxels alone where there is no table of triangles.
 ///
 /// Taxels: `x,y,z` and optionally `id`, `nx,ny,nz`, `area` (m^2), `density` (1/m^2), `weight`, `present` (0
-/// absent, 1 present, 2 thermal pad, or `presence` in words), `tx,ty,tz` (tangent), `patch` and `on_link` or `link` (names; every patch becomes a
-/// sheet), `region` (a name, or nothing), `cxx,cxy,cxz,cyy,cyz,czz` (covariance, m^2; empty cells where it is not known), in any order; other columns are not
+/// absent, 1 present, 2 thermal pad, 3 another sensor, or `presence` in words), `tx,ty,tz` (tangent), `patch` and `on_link` or `link` (names; every patch becomes a
+/// sheet), `region` (a name, or nothing),
+/// `modality` (names joined by `+`, or nothing; stronger than `present` but for 0), `cxx,cxy,cxz,cyy,cyz,czz` (covariance, m^2; empty cells where it is not known), in any order; other columns are not
 /// read. The id -1 is the placeholder [`u32::MAX`]. `qx,qy,qz,qw` is the frame of a taxel: its z axis is the normal where
 /// there is no `nx,ny,nz`, its x axis the tangent. Tables of calibrated taxels are read, too: `sigma`
 /// follows from the covariance, and frames that are all the identity stand for unknown ones, unless
@@ -91,8 +96,9 @@ impl ColumnIndices {
         let covariance = columns.find_vector(["cxx", "cxy", "cxz", "cyy", "cyz", "czz"])?;
         let rotation = columns.find_vector(["qx", "qy", "qz", "qw"])?;
         let tangent = columns.find_vector(TANGENT)?.filter(|_| rotation.is_none());
-        let [id, area, density, weight, patch, sigma, region] =
-            ["id", "area", "density", "weight", "patch", SIGMA, "region"].map(|name| columns.find(name));
+        let [id, area, density, weight, patch, sigma, region, modality] =
+            ["id", "area", "density", "weight", "patch", SIGMA, "region", MODALITY]
+                .map(|name| columns.find(name));
         let present = columns.find("present").or_else(|| columns.find(PRESENCE));
         Ok(Self {
             position,
@@ -109,6 +115,7 @@ impl ColumnIndices {
             rotation,
             tangent,
             region,
+            modality,
         })
     }
 }
@@ -125,7 +132,8 @@ struct Sheets {
 
 /// Reads the taxels; with the sheet, and the index in it, of every row.
 fn read_taxels(source: &Source) -> Result<(Draft, Vec<(usize, u32)>)> {
-    let known: Vec<&str> = COLUMNS.split(',').chain([LINK, SIGMA, PRESENCE]).chain(TANGENT).collect();
+    let known: Vec<&str> =
+        COLUMNS.split(',').chain([LINK, SIGMA, PRESENCE, MODALITY]).chain(TANGENT).collect();
     let table = Table::of(source)?;
     let unused: Vec<String> = table.columns.unknown(&known).map(|(_, name)| name.to_owned()).collect();
     let indices = ColumnIndices::new(&table.columns)?;
@@ -133,6 +141,7 @@ fn read_taxels(source: &Source) -> Result<(Draft, Vec<(usize, u32)>)> {
     table.each_row(&mut |row| sheets.add(row, &indices, source))?;
     for sheet in &mut sheets.draft.sheets {
         drop_placeholders(sheet, indices.normal.is_some());
+        sheet.follow_modalities();
         sheet.covariances.take_if(|all| all.iter().all(Option::is_none));
     }
     remark_unused(&mut sheets.draft, source, unused);
@@ -211,10 +220,17 @@ impl Sheets {
             }
             sheet.regions.get_or_insert_default().push(region.map(RegionName::from));
         }
+        if let Some(column) = indices.modality {
+            let modalities = Some(row.text(column)).filter(|names| !names.is_empty());
+            if modalities.is_some_and(|names| !are_modalities(names)) {
+                return Err(row.invalid(column, NAMES_OF_MODALITIES));
+            }
+            sheet.modalities.get_or_insert_default().push(modalities.map(Modalities::from));
+        }
         if let Some(column) = indices.present {
             let word = row.text(column);
             let presence = finite(word).map_or_else(|| word.parse().ok(), Presence::from_code);
-            let needed = "0 (`absent`), 1 (`present`) or 2 (`thermal`, a thermal pad)";
+            let needed = "0 (`absent`), 1 (`present`), 2 (`thermal`, a thermal pad) or 3 (`other`)";
             let presence = presence.ok_or_else(|| row.invalid(column, needed))?;
             sheet.presence.get_or_insert_default().push(presence);
         }
@@ -289,9 +305,12 @@ fn read_triangles(source: &Source, homes: &[(usize, u32)], draft: &mut Draft) ->
 /// Writes the two tables, positions in the world. Of the links only their names are kept.
 pub(crate) fn write(path: &OutPath, skin: &Skin) -> Result<()> {
     path.together(|path| {
-        write_table(path, COLUMNS, |taxels| {
+        let has_modalities = skin.patches.iter().any(|patch| patch.taxels.modalities.is_some());
+        let columns = if has_modalities { format!("{COLUMNS},{MODALITY}") } else { COLUMNS.to_owned() };
+        write_table(path, &columns, |taxels| {
             for patch in &skin.patches {
-                write_taxels(taxels, &skin.in_world(patch), &skin.links[patch.link].name)?;
+                let link = &skin.links[patch.link].name;
+                write_taxels(taxels, &skin.in_world(patch), link, has_modalities)?;
             }
             Ok(())
         })?;
@@ -305,7 +324,12 @@ pub(crate) fn write(path: &OutPath, skin: &Skin) -> Result<()> {
     })
 }
 
-fn write_taxels<W: Write>(table: &mut TableWriter<W>, patch: &Patch, link: &str) -> Result<()> {
+fn write_taxels<W: Write>(
+    table: &mut TableWriter<W>,
+    patch: &Patch,
+    link: &str,
+    has_modalities: bool,
+) -> Result<()> {
     let taxels = &patch.taxels;
     for (v, x) in patch.mesh.positions.enumerate() {
         let n = taxels.normals[v];
@@ -326,7 +350,13 @@ fn write_taxels<W: Write>(table: &mut TableWriter<W>, patch: &Patch, link: &str)
             Some(c) => table.numbers(<[f64; 6]>::from(c)),
             None => table.empty(6),
         }
-        table.cell(taxels.regions.as_ref().and_then(|regions| regions[v].as_deref()).unwrap_or_default());
+        let name = |column: &Option<IdVec<VertexId, Option<RegionName>>>| {
+            column.as_ref().and_then(|all| all[v].clone())
+        };
+        table.cell(name(&taxels.regions).as_deref().unwrap_or_default());
+        if has_modalities {
+            table.cell(name(&taxels.modalities).as_deref().unwrap_or_default());
+        }
         table.end_row()?;
     }
     Ok(())

@@ -42,8 +42,8 @@ pub struct LookupRow<'a> {
     pub contact: u64,
     /// The level.
     pub level: LevelId,
-    /// Whether it is a level of the whole body, `body.L0` and so on, which has no map: `u,v,px,py` are empty.
-    pub is_of_body: bool,
+    /// Its name if it is a level without a mesh, as `body.L0` and `arm.thermal.L0`: `u,v,px,py` are empty.
+    pub fields: Option<&'a str>,
     /// Signed distance from the skin, in m, positive outside.
     pub distance: f64,
     /// The frame that the contact was given in, `world` or the name of a link; its answer is in the
@@ -181,10 +181,9 @@ impl Text {
     fn push(&mut self, row: &LookupRow<'_>) {
         let rows = &mut self.rows;
         push_whole(rows, row.contact);
-        if row.is_of_body {
-            push_cell(rows, &format!("body.L{}", row.level));
-        } else {
-            push_whole(rows, row.level.raw().into());
+        match row.fields {
+            Some(name) => push_cell(rows, name),
+            None => push_whole(rows, row.level.raw().into()),
         }
         match &row.place {
             Some(place) => self.push_place(row, place),
@@ -209,7 +208,7 @@ impl Text {
         push_cell(rows, patch);
         push_whole(rows, cell.point.face.raw().into());
         cell.point.barycentric.into_iter().for_each(|x| push_number(rows, x));
-        if row.is_of_body {
+        if row.fields.is_some() {
             rows.extend([b','; 4]);
         } else {
             cell.uv.to_array().into_iter().for_each(|x| push_number(rows, x));

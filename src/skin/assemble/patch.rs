@@ -59,6 +59,7 @@ pub(super) fn patch_of(
         covariances: file.covariances.map(IdVec::from),
         joints: file.joints.map(IdVec::from),
         regions: file.regions.map(IdVec::from),
+        modalities: file.modalities.map(IdVec::from),
     };
     let filled = mesh.triangles.len() - own;
     let patch = Patch { name, link: components.sheet.link.unwrap_or_default(), mesh, filled, taxels };

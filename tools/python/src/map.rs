@@ -42,7 +42,7 @@ use crate::{
     matrix::{PyMatrix, Rows},
     options::{Extensive, PackArg, count, level},
     plot::{PlotArgs, PyPicture},
-    pool::{FieldArrays, Pooling, body_level, fields_of, pool_body, pool_groups, pooling_of, starts},
+    pool::{FieldArrays, Pooling, field_level, fields_of, pool_fields, pool_groups, pooling_of, starts},
     renderer::{PyRenderer, RenderArgs},
 };
 
@@ -291,19 +291,27 @@ impl PyMap {
         self.levels()
     }
 
+    /// tuple of str: The names of the levels without a mesh: of the whole body, as "body.L0", and of modalities besides touch, as
+    /// "arm.thermal.L0".
+    #[getter]
+    fn field_levels<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        PyTuple::new(py, self.map.field_levels().map(|(_, name)| name).collect::<Vec<_>>())
+    }
+
     /// (N,) uint32 array: Ids of the taxels.
     #[getter]
     fn ids<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
         vector(py, self.taxels(|_, patch| patch.taxels.ids.iter().map(|id| id.0).collect()))
     }
 
-    /// (N,) uint8 array: 1 a working taxel, 0 none, 2 a thermal pad.
+    /// (N,) uint8 array: 1 a working taxel, 0 none, 2 a thermal pad, 3 another sensor.
     #[getter]
     fn present<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u8>> {
         let code = |presence: &Presence| match presence {
             Presence::Absent => 0,
             Presence::Present => 1,
             Presence::ThermalPad => 2,
+            Presence::Other => 3,
         };
         vector(py, self.taxels(|_, patch| patch.taxels.presence.iter().map(code).collect()))
     }
@@ -631,9 +639,10 @@ impl PyMap {
     /// Parameters
     /// ----------
     /// values : (..., N) array_like
-    ///     Readings in the order of the map; NaN where there is none. Taxels that are not present have none.
+    ///     Readings in the order of the map; NaN where there is none. Taxels that are not present have none; of the level of
+    ///     a modality those that are no sensors of it.
     /// level : int or str
-    ///     The level, or one of the whole body, as "body.L0", which has no contrast.
+    ///     The level, or one of `Map.field_levels`, as "body.L0" or "arm.thermal.L0", which have no contrast.
     /// extensive : bool
     ///     Whether they are amounts, as forces, which are summed, and not averages, as pressures.
     /// contrast : bool
@@ -670,17 +679,17 @@ impl PyMap {
         #[pyo3(from_py_with = arg)] threads: i64,
     ) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
         if let Ok(name) = level.extract::<String>() {
-            let level = body_level(&self.map, &name)?;
+            let level = field_level(&self.map, &name)?;
             if contrast {
-                return Err(bad("contrast", "True", "False for a level of the whole body"));
+                return Err(bad("contrast", "True", "False for a level of the whole body or of a modality"));
             }
-            return pool_body(py, &self.map, values, level, extensive);
+            return pool_fields(py, &self.map, values, level, extensive);
         }
         let level = level.extract::<i64>().map_err(|_| {
             bad(
                 "level",
                 level,
-                format!("a level from 0 to {}, or the name of one of the body", self.levels() - 1),
+                format!("a level from 0 to {}, or one of Map.field_levels", self.levels() - 1),
             )
         })?;
         let level = self::level("level", level, self.levels())?;

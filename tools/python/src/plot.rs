@@ -94,7 +94,7 @@ impl PyPicture {
         let options = PlotOptions {
             patches: args.patches,
             levels: args.levels,
-            body_levels: Vec::new(),
+            field_levels: Vec::new(),
             paint: word("show", args.show, &known)?,
             unfold: args.unfold,
             space: view.or(args.space.then_some(Viewpoint::Outside)),

@@ -2,12 +2,12 @@
 
 use dermatome::{
     SkinMap,
-    body::Body,
+    body::{Body, FieldLevel},
     id::VertexId,
     map::PatchMap,
     pyramid::LevelId,
     recording::{Batch, Carried},
-    signal::{BodyFields, Duplicates, Frame, GroupPool, Join, SignalError},
+    signal::{BodyFields, Channel, Duplicates, Frame, GroupPool, Join, SignalError},
     skin::PatchId,
 };
 use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
@@ -121,21 +121,47 @@ pub(crate) fn body_level(map: &SkinMap, name: &str) -> PyResult<LevelId> {
     })
 }
 
-/// Carries readings of the taxels of a map to the fields of a level of the whole body.
-pub(crate) fn pool_body<'py>(
+/// The level of this name without a mesh, of the whole body or of a modality.
+pub(crate) fn field_level(map: &SkinMap, name: &str) -> PyResult<FieldLevel> {
+    let mut known: Vec<(FieldLevel, String)> = map.field_levels().collect();
+    if let Some(found) = known.iter().find(|(_, known)| known == name) {
+        return Ok(found.0);
+    }
+    if !known.iter().any(|(at, _)| at.modality.is_some()) {
+        return body_level(map, name).map(|level| FieldLevel { modality: None, level });
+    }
+    known.truncate(10);
+    let names: Vec<String> = known.iter().map(|(_, name)| format!("{name:?}")).collect();
+    Err(bad(
+        "level",
+        format!("{name:?}"),
+        format!("a number, or one of Map.field_levels: {}", names.join(", ")),
+    ))
+}
+
+/// Carries readings of the taxels of a map to the fields of a level of the whole body or of a modality, whose sensors they are
+/// of then.
+pub(crate) fn pool_fields<'py>(
     py: Python<'py>,
     map: &SkinMap,
     values: &Bound<'py, PyAny>,
-    level: LevelId,
+    FieldLevel { modality, level }: FieldLevel,
     extensive: bool,
 ) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
-    let mut fields = BodyFields::new(map);
+    let modality = modality.and_then(|number| map.body.modalities.get(number));
+    let mut fields = match modality {
+        Some(modality) => BodyFields::of_modality(map, modality),
+        None => BodyFields::new(map),
+    };
     let count = fields.sizes()[level];
     let (values, shape) = frames_of(map, values, count)?;
     let taxels = values.shape().last().copied().unwrap_or(0);
     let (pooled, values) = (zeros(py, &shape)?, values.as_slice()?);
     let quantity = quantity(extensive);
-    let join = Join::new(map, None, taxels, Duplicates::Refuse).map_err(error)?;
+    let mut join = Join::new(map, None, taxels, Duplicates::Refuse).map_err(error)?;
+    if let Some(modality) = modality {
+        join.follow(map, &[Channel::new(&modality.name, "").map_err(error)?]);
+    }
     let mut frame = Frame::new(map, 1);
     let mut writer = pooled.readwrite();
     let frames = writer.as_slice_mut()?.chunks_mut(count).zip(values.chunks(taxels.max(1)));

@@ -313,7 +313,7 @@ impl PySkin {
     /// ids : (n,) array_like of int, optional
     ///     Ids of the taxels; by default they count from 1.
     /// present : (n,) array_like of int or bool, optional
-    ///     1 a working taxel, 0 none, 2 a thermal pad.
+    ///     1 a working taxel, 0 none, 2 a thermal pad, 3 another sensor.
     /// link, patch : str, or (n,) sequence of str
     ///     Names of the link and of the patch: of all taxels, or of each. Patches are in the order of their first taxels; a
     ///     patch is on one link. Links have no parent; `join` poses them.
@@ -727,10 +727,10 @@ fn draft_of(positions: &Bound<'_, PyAny>, faces: Option<&Bound<'_, PyAny>>) -> P
 }
 
 fn presence(name: &str, value: &Bound<'_, PyAny>, count: usize) -> PyResult<Vec<Presence>> {
-    let known = [Presence::Absent, Presence::Present, Presence::ThermalPad];
+    let known = [Presence::Absent, Presence::Present, Presence::ThermalPad, Presence::Other];
     let numbers = one_code_each(name, value, count)?.into_iter().enumerate();
     let of = |(k, found): (usize, u32)| {
-        known.get(found as usize).copied().ok_or_else(|| bad(&format!("{name}[{k}]"), found, "0, 1 or 2"))
+        known.get(found as usize).copied().ok_or_else(|| bad(&format!("{name}[{k}]"), found, "0, 1, 2 or 3"))
     };
     numbers.map(of).collect()
 }

@@ -102,3 +102,17 @@ def test_images_of_areas_are_written(hand, tmp_path):
         assert same.mean() > 0.99
     with pytest.raises(dermatome.DataError, match="areas"):
         recording.write_oxt(tmp_path / "p.zarr", hand.with_regions({"other": hand.ids}), 0)
+
+
+def test_modalities_have_levels_of_their_own(tmp_path):
+    rows = [f"{12 * y + x + 1},{0.005 * x},{0.005 * y},0,{'thermal' if x % 4 == y % 4 == 1 else ''}" for y in range(12) for x in range(12)]
+    (tmp_path / "skin.csv").write_text("id,x,y,z,modality\n" + "\n".join(rows))
+    made = dermatome.build(dermatome.Skin.read(tmp_path / "skin.csv"))
+    assert made.field_levels[:2] == ("skin.thermal.L0", "skin.thermal.L1") and pickle.loads(pickle.dumps(made)) == made
+    values = np.where(made.present == 2, 30.0, 1.0)
+    assert (made.present == 2).sum() == 9
+    for name in made.field_levels:
+        assert np.allclose(made.pool(values, level=name), 30)
+    assert made.pool(values, level="skin.thermal.L0").shape == (9,)
+    with pytest.raises(dermatome.DataError, match="field_levels"):
+        made.pool(values, level="skin.thermal.L9")

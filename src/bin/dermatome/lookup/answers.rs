@@ -211,8 +211,8 @@ impl<'a> Answers<'a> {
     }
 }
 
-/// A level, and whether it is one of the whole body.
-type RowLevel = (LevelId, bool);
+/// A level, and its name if it has no mesh.
+type RowLevel<'a> = (LevelId, Option<&'a str>);
 
 struct AnswerRows<'a, 'b> {
     answers: &'b Answers<'a>,
@@ -231,7 +231,7 @@ impl<'a> AnswerRows<'a, '_> {
         }
         self.count_doubtful(hit.patch, away);
         self.on_levels(hit, |rows, level, place| {
-            let silent = rows.answers.silent.get(level.0.index()).filter(|_| !level.1);
+            let silent = rows.answers.silent.get(level.0.index()).filter(|_| level.1.is_none());
             if let Some(silent) = silent.filter(|_| place.presence != Presence::Present) {
                 silent.fetch_add(1, Ordering::Relaxed);
             }
@@ -239,19 +239,19 @@ impl<'a> AnswerRows<'a, '_> {
         });
     }
 
-    /// Calls `visit` with where a hit is on each level of its patch, and on those of the whole body.
-    fn on_levels(&mut self, hit: &Hit, mut visit: impl FnMut(&mut Self, RowLevel, LookupPlace<'a>)) {
+    /// Calls `visit` with where a hit is on each level of its patch, and on those without a mesh.
+    fn on_levels(&mut self, hit: &Hit, mut visit: impl FnMut(&mut Self, RowLevel<'a>, LookupPlace<'a>)) {
         let answers = self.answers;
         for level in answers.robot.levels_of(hit.patch) {
             let Some(cell) = answers.index.cell(hit, level) else { continue };
             let place = self.place(hit.patch, hit.link, cell, hit.position, hit.normal);
-            visit(self, (level, false), place);
+            visit(self, (level, None), place);
         }
-        for of_body in &answers.robot.body {
+        for fields in &answers.robot.fields {
             let Some(finest) = answers.index.cell(hit, LevelId::default()) else { continue };
-            let (cell, presence, region) = of_body.cell(hit.patch, &finest);
+            let Some((cell, presence, region)) = fields.cell(hit.patch, &finest) else { continue };
             let place = self.place(hit.patch, hit.link, finest, hit.position, hit.normal);
-            visit(self, (of_body.level, true), LookupPlace { cell, presence, region, ..place });
+            visit(self, (fields.level, Some(&fields.name)), LookupPlace { cell, presence, region, ..place });
         }
     }
 
@@ -280,7 +280,7 @@ impl<'a> AnswerRows<'a, '_> {
 
     fn row<const N: usize>(
         &mut self,
-        (level, is_of_body): RowLevel,
+        (level, fields): RowLevel<'_>,
         distance: f64,
         place: Option<LookupPlace<'_>>,
         range: [f64; N],
@@ -291,7 +291,7 @@ impl<'a> AnswerRows<'a, '_> {
         extra[..N].copy_from_slice(&range);
         extra[N] = self.contact.time.unwrap_or(f64::NAN);
         let extra = &extra[..N + usize::from(self.answers.has_times)];
-        (self.emit)(&LookupRow { contact, level, is_of_body, distance, frame, place, extra });
+        (self.emit)(&LookupRow { contact, level, fields, distance, frame, place, extra });
     }
 
     /// How far the skin is, and a row for each level of a point near the nearest.
@@ -342,7 +342,7 @@ impl<'a> AnswerRows<'a, '_> {
                     continue;
                 };
                 let place = self.place(field.patch, field.link, cell, field.position, field.normal);
-                self.row((field.level, false), field.distance, Some(place), []);
+                self.row((field.level, None), field.distance, Some(place), []);
             }
         }
         if !is_far && max_distance.is_some() {
@@ -373,9 +373,9 @@ impl<'a> AnswerRows<'a, '_> {
     /// The rows of a contact off the skin: its distance from there on each level.
     fn off_skin(&mut self, hit: &Hit) {
         self.answers.far.fetch_add(1, Ordering::Relaxed);
-        let Robot { levels, body, .. } = self.answers.robot;
-        let of_body = body.iter().map(|of_body| (of_body.level, true));
-        for level in levels.iter().map(|&level| (level, false)).chain(of_body) {
+        let Robot { levels, fields, .. } = self.answers.robot;
+        let named = fields.iter().map(|fields| (fields.level, Some(&*fields.name)));
+        for level in levels.iter().map(|&level| (level, None)).chain(named) {
             self.row(level, hit.distance, None, []);
         }
     }

@@ -195,7 +195,7 @@ fn row<'a>(
     LookupRow {
         contact,
         level: cell.level,
-        is_of_body: false,
+        fields: None,
         distance: 0.0,
         frame,
         place: Some(place),

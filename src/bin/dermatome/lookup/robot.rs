@@ -17,7 +17,7 @@ use crate::console::errors::advise;
 use crate::console::notes::{first_names, note, note_columns};
 use crate::console::print::plain;
 use crate::files::input::{is_gltf, read_map_first, select_patches};
-use crate::lookup::body::BodyFields;
+use crate::lookup::fields::Fields;
 use crate::options::{Common, JointsArg, LevelArg, RegionsArgs};
 
 pub(super) struct Robot {
@@ -29,8 +29,8 @@ pub(super) struct Robot {
     /// Whether it carries one in the file, chosen or not.
     pub(super) has_skin: IdVec<LinkId, bool>,
     pub(super) levels: Vec<LevelId>,
-    /// The chosen levels of the whole body.
-    pub(super) body: Vec<BodyFields>,
+    /// The chosen levels without a mesh.
+    pub(super) fields: Vec<Fields>,
     regions: FieldRegions,
 }
 
@@ -50,12 +50,13 @@ impl Robot {
         let mut map = read_map_first(path)?;
         regions.apply(&mut map, common)?;
         let has_skin = carries(&map);
-        let (of_patches, of_body) = LevelArg::sort(chosen, Some(&map))?;
-        let mut body = Vec::new();
-        if !of_body.is_empty() {
+        let (of_patches, named) = LevelArg::sort(chosen, Some(&map))?;
+        let mut fields = Vec::new();
+        if !named.is_empty() {
             let names = map.patches.iter().map(|patch| patch.name.clone()).collect();
             let names = select_patches(path, names, patches, |name: &String| name)?;
-            body = BodyFields::new(&map, &of_body, |id| names.contains(&map.patches[id].name));
+            let is_chosen = |id| names.contains(&map.patches[id].name);
+            fields = named.into_iter().map(|level| Fields::new(&map, level, is_chosen)).collect();
         }
         let all = map.patches.into_iter().collect();
         // What joins patches numbers all of them.
@@ -82,7 +83,7 @@ impl Robot {
             patches: map.patches.map(|patch| patch.name.clone()),
             live: LiveTaxels::new(&map),
             levels: levels.collect(),
-            body,
+            fields,
             regions: FieldRegions::new(&map),
             map,
         })

@@ -1,13 +1,15 @@
 //! Values of options: words to choose from, numbers within a range, and lengths with a unit.
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use dermatome::body::Body;
+use dermatome::body::{Body, FieldLevel};
 use dermatome::map::SkinMap;
 use dermatome::pyramid::LevelId;
 use dermatome::signal::Probe;
 use glam::DVec3;
 
 use crate::console::errors::advise;
+use crate::console::notes::first_names;
+use crate::console::print::plain;
 
 /// A number within a range that `wanted` describes.
 pub(crate) fn number(text: &str, wanted: &str, ok: impl Fn(f64) -> bool) -> Result<f64, String> {
@@ -89,31 +91,50 @@ pub(crate) const PROBES: [Choice<Probe>; 3] = [
     ),
 ];
 
-/// A level of the patches, or one of the whole body.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+/// A level without a mesh, and its name.
+pub(crate) type NamedLevel = (FieldLevel, String);
+
+/// A level of the patches, or the name of one without a mesh.
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum LevelArg {
     Patches(LevelId),
-    Body(LevelId),
+    Fields(String),
 }
 
 impl LevelArg {
-    /// Those of the patches, and those of the whole body, which the map must have.
+    /// Those of the patches, and those without a mesh with their names, which the map must have.
     pub(crate) fn sort(
         levels: &[Self],
         map: Option<&SkinMap>,
-    ) -> anyhow::Result<(Vec<LevelId>, Vec<LevelId>)> {
-        let (mut patches, mut body) = (Vec::new(), Vec::new());
+    ) -> anyhow::Result<(Vec<LevelId>, Vec<NamedLevel>)> {
+        let (mut patches, mut fields) = (Vec::new(), Vec::new());
         for level in levels {
-            match *level {
-                Self::Patches(level) => patches.push(level),
-                Self::Body(level) => {
-                    check_body_level(level, map)?;
-                    body.push(level);
-                }
+            match level {
+                Self::Patches(level) => patches.push(*level),
+                Self::Fields(name) => fields.push(field_level(name, map)?),
             }
         }
-        Ok((patches, body))
+        Ok((patches, fields))
     }
+}
+
+/// The level without a mesh that a name is of; refuses one that a map does not have.
+fn field_level(name: &str, map: Option<&SkinMap>) -> anyhow::Result<NamedLevel> {
+    if let Some(level) = Body::number_of(name) {
+        check_body_level(level, map)?;
+        return Ok((FieldLevel { modality: None, level }, format!("body.L{level}")));
+    }
+    let known: Vec<_> = map.into_iter().flat_map(SkinMap::field_levels).collect();
+    if let Some(found) = known.iter().find(|(_, known)| known == name) {
+        return Ok(found.clone());
+    }
+    let of_modalities = known.into_iter().filter(|(at, _)| at.modality.is_some());
+    let names: Vec<String> = of_modalities.map(|(_, name)| name).collect();
+    let advice = match &names[..] {
+        [] => "it has no modalities besides touch: a skin says what its taxels sense".to_owned(),
+        names => format!("levels of its modalities are {}", first_names(names)),
+    };
+    Err(advise(format!("the map has no level {}", plain(name)), advice))
 }
 
 /// Refuses a level of the whole body that a map does not have.
@@ -133,11 +154,16 @@ pub(crate) fn check_body_level(level: LevelId, map: Option<&SkinMap>) -> anyhow:
     }
 }
 
-/// A level: a number, or `body.L0` and so on.
+/// A level: a number, or the name of one without a mesh.
 pub(crate) fn level(text: &str) -> Result<LevelArg, String> {
     let number = || text.parse::<u32>().ok().map(LevelId::from).map(LevelArg::Patches);
-    let level = Body::number_of(text).map(LevelArg::Body).or_else(number);
-    level.ok_or_else(|| "needed: the number of a level, or body.L0, body.L1, ... of the whole body".into())
+    let is_number = |digits: &str| !digits.is_empty() && digits.bytes().all(|c| c.is_ascii_digit());
+    let is_name = text.rsplit_once(".L").is_some_and(|(of, digits)| !of.is_empty() && is_number(digits));
+    let named = is_name.then(|| LevelArg::Fields(text.to_owned()));
+    named.or_else(number).ok_or_else(|| {
+        "needed: the number of a level, body.L0, body.L1, ... of the whole body, or as arm.thermal.L0 of a modality"
+            .into()
+    })
 }
 
 /// The whole text as `N` finite numbers with commas between them.
