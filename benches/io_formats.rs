@@ -89,7 +89,7 @@ fn row(k: u32) -> LookupRow<'static> {
     let (patch, link, normal) = ("upper_arm/left", "upper_arm", position);
     let place = LookupPlace { patch, link, region: None, cell, presence, live_taxel, position, normal };
     let (contact, distance, place) = (k.into(), x * 1e-3, Some(place));
-    LookupRow { contact, level, is_of_body: false, distance, frame: "world", place, extra: &[] }
+    LookupRow { contact, level, fields: None, distance, frame: "world", place, extra: &[] }
 }
 
 criterion_group!(benches, files, tables);

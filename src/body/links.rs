@@ -87,7 +87,7 @@ fn between_patches(
                 let along = (rest.positions[b] - rest.positions[a]).normalize_or_zero();
                 let is_flat = |k: usize| along.dot(rest.normals[k]).abs() < STEEPEST;
                 let is_like = rest.normals[a].dot(rest.normals[b]) > 0.0;
-                if !(is_like && is_flat(a) && is_flat(b)) || !rest.is_alone([a, b], &tree) {
+                if !(is_like && is_flat(a) && is_flat(b) && rest.is_alone([a, b], &tree)) {
                     continue;
                 }
                 // Two layers at one place have no gap.

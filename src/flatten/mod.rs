@@ -101,6 +101,7 @@ use crate::skin::Taxels;
 pub(crate) use crossings::crossing_vertices;
 pub(crate) use distortion::{ABSURD, POOR};
 pub use distortion::{Convergence, Distortion, distortion};
+pub(crate) use energy::elements::keeps_orientation;
 pub use error::FlattenError;
 pub(crate) use magnification::patch_scales;
 pub use options::{Boundary, Energy, FlattenOptions, Method, Overlap};

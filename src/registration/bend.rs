@@ -2,8 +2,7 @@
 
 use glam::DVec2;
 
-use crate::delaunay::orientation;
-use crate::flatten::distortion;
+use crate::flatten::{distortion, keeps_orientation};
 use crate::id::{FaceId, IdVec, VertexId};
 use crate::mesh::TriMesh;
 use crate::registration::field::Bending;
@@ -65,6 +64,6 @@ pub(super) fn bend(
 /// The middle of the first face that does not keep its orientation.
 pub(super) fn first_flip(mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> Option<DVec2> {
     let corners = |face: FaceId| mesh.triangles[face].map(|v| uv[v]);
-    let flipped = mesh.triangles.ids().map(corners).find(|corners| !(orientation(*corners) > 0.0))?;
+    let flipped = mesh.triangles.ids().map(corners).find(|corners| !keeps_orientation(*corners))?;
     Some(flipped.into_iter().sum::<DVec2>() / 3.0)
 }

@@ -127,8 +127,8 @@ impl Registered {
 /// If landmarks contradict each other or lie on a seam, no patch has four, a map has flips, or it folds. The map is then
 /// as it was.
 pub fn register(map: &mut SkinMap, onto: &Onto<'_>) -> Result<Registered, RegistrationError> {
-    let &Onto { atlas, landmarks, is_mirrored, .. } = onto;
-    let all = marks_of(map, atlas, landmarks, is_mirrored)?;
+    let &Onto { atlas, is_mirrored, .. } = onto;
+    let all = marks_of(map, atlas, onto.landmarks, is_mirrored)?;
     let mut registered = Registered::default();
     let mut patches = Vec::new();
     for (patch, marks) in map.patches.iter().zip(all) {
@@ -143,7 +143,8 @@ pub fn register(map: &mut SkinMap, onto: &Onto<'_>) -> Result<Registered, Regist
             patch.levels.iter().map(|level| level.uv.map(|&at| fit.apply(at))).collect();
         let squares = marks.marks.iter().map(|mark| placed[0][mark.place].distance_squared(mark.to));
         let missed = (squares.sum::<f64>() / found as f64).sqrt();
-        let (uv, kept, folding, steps) = bend_patch(patch, finest, &placed[0], &marks.marks)?;
+        let BentPatch { uv, landmarks, folding, steps } =
+            bend_patch(patch, finest, &placed[0], &marks.marks)?;
         let mut bent = patch.clone();
         bend_levels(&mut bent, placed, uv);
         let name = atlas.patches[marks.atlas].name.clone();
@@ -151,7 +152,7 @@ pub fn register(map: &mut SkinMap, onto: &Onto<'_>) -> Result<Registered, Regist
         registered.patches.push(RegisteredPatch {
             name: patch.name.clone(),
             atlas: name,
-            landmarks: kept,
+            landmarks,
             elsewhere: marks.left_out,
             folding,
             scale: fit.scale(),
@@ -170,13 +171,22 @@ pub fn register(map: &mut SkinMap, onto: &Onto<'_>) -> Result<Registered, Regist
     Ok(registered)
 }
 
-/// The finest map bent, with as many of the landmarks as keep it from folding: their number, and the names of the others.
+/// The finest map of a patch after it was bent.
+struct BentPatch {
+    uv: IdVec<PlaceId, DVec2>,
+    /// How many landmarks lie at their places, and the names of those that would fold it.
+    landmarks: usize,
+    folding: Vec<String>,
+    steps: u32,
+}
+
+/// The finest map bent, with as many of the landmarks as keep it from folding.
 fn bend_patch(
     patch: &PatchMap,
     finest: &MapLevel,
     placed: &IdVec<PlaceId, DVec2>,
     marks: &[Mark],
-) -> Result<(IdVec<PlaceId, DVec2>, usize, Vec<String>, u32), RegistrationError> {
+) -> Result<BentPatch, RegistrationError> {
     let mesh = &*finest.opened();
     let placed: IdVec<VertexId, DVec2> = placed.clone().reindexed();
     if first_flip(mesh, &placed).is_some() {
@@ -189,7 +199,10 @@ fn bend_patch(
         let held: Vec<_> = marks.iter().map(|mark| (mark.place.opened(), mark.to)).collect();
         let system = |source| RegistrationError::System { patch: patch.name.clone(), source };
         match bend(mesh, &placed, &held).map_err(system)? {
-            Bent::Done(uv, steps) => return Ok((uv.reindexed(), marks.len(), folding, steps)),
+            Bent::Done(uv, steps) => {
+                let (uv, landmarks) = (uv.reindexed(), marks.len());
+                return Ok(BentPatch { uv, landmarks, folding, steps });
+            }
             Bent::Folds(at) => {
                 let far = |mark: &&Mark| mark.to.distance_squared(at);
                 let near = (0..marks.len()).min_by(|&a, &b| far(&marks[a]).total_cmp(&far(&marks[b])));

@@ -16,19 +16,20 @@ fn folder() -> tempfile::TempDir {
     let at = folder.path();
     write_skin(&at.join("other.glb"), &Skin::from_mesh("palm", shapes::lattice(15, 9, 0.005))).unwrap();
     let mut skin = Skin::from_mesh("left", shapes::lattice(10, 11, 0.006));
-    let mut right = Patch::from_mesh("right", skin.patches[PatchId::new(0)].link, shapes::lattice(9, 11, 0.006));
+    let mut right =
+        Patch::from_mesh("right", skin.patches[PatchId::new(0)].link, shapes::lattice(9, 11, 0.006));
     right.mesh.positions.iter_mut().for_each(|x| x.x += 0.066);
     right.taxels.ids.iter_mut().for_each(|id| id.0 += 1000);
     skin.patches.push(right);
     write_skin(&at.join("skin.glb"), &skin).unwrap();
     // A corner or a middle of the skin, and the taxel of the other sheet at the same share of its sides.
     let row = |first: usize, columns: usize, [i, j]: [usize; 2]| {
-        let along = if first == 0 { i as f64 / 19.0 } else { (i + 11) as f64 / 19.0 };
-        let other = (j as f64 / 10.0 * 8.0).round() * 15.0 + (along * 14.0).round();
+        let along = if first == 1 { i } else { i + 11 };
+        let other = (4 * j / 5) * 15 + (along * 14 + 9) / 19 + 1;
         format!("{},{other}\n", first + j * columns + i)
     };
     let mut table = "taxel_id,atlas_taxel_id\n".to_owned();
-    for (first, columns) in [(0, 10), (1000, 9)] {
+    for (first, columns) in [(1, 10), (1001, 9)] {
         for (i, j) in [(0, 0), (columns - 1, 0), (0, 10), (columns - 1, 10), (4, 5)] {
             table += &row(first, columns, [i, j]);
         }
@@ -45,7 +46,9 @@ fn folder() -> tempfile::TempDir {
 /// The sum of the readings of each frame.
 fn sums(file: &Path) -> Vec<f64> {
     let text = fs::read_to_string(file).unwrap();
-    let sum = |line: &str| line.split(',').skip(1).filter_map(|x| x.parse().ok()).filter(|x: &f64| x.is_finite()).sum();
+    let sum = |line: &str| {
+        line.split(',').skip(1).filter_map(|x| x.parse().ok()).filter(|x: &f64| x.is_finite()).sum()
+    };
     text.lines().skip(1).map(sum).collect()
 }
 
@@ -68,7 +71,8 @@ fn two_skins_have_one_image() {
             let (before, after): (f64, f64) = (before.iter().sum(), after.iter().sum());
             assert!((before * (1.0 - share) - after).abs() < 1e-9 * before, "{before} {share} {after}");
         }
-        let line = format!("render {map}/map.glb {readings} --atlas other/map.glb -o {map}.images --level 0 -q");
+        let line =
+            format!("render {map}/map.glb {readings} --atlas other/map.glb -o {map}.images --level 0 -q");
         dermatome(at, &line).assert().success();
     }
     // The same names, and the same size of files without compression differences: the same canvas.
@@ -85,11 +89,17 @@ fn two_skins_have_one_image() {
     assert!(once.iter().zip(&again).all(|(a, b)| (a - b).abs() < 1e-9));
     // Landmarks may be regions; a patch without enough of them is left out by name.
     let finest = |map: &str| {
-        read_map(&at.join(map).join("map.glb")).unwrap().patches[PatchId::new(0)].levels[LevelId::new(0)].clone()
+        read_map(&at.join(map).join("map.glb")).unwrap().patches[PatchId::new(0)].levels[LevelId::new(0)]
+            .clone()
     };
-    let few: String = fs::read_to_string(at.join("places.csv")).unwrap().lines().take(8).fold(String::new(), |a, b| a + b + "\n");
+    let few: String = fs::read_to_string(at.join("places.csv"))
+        .unwrap()
+        .lines()
+        .take(8)
+        .fold(String::new(), |a, b| a + b + "\n");
     fs::write(at.join("few.csv"), few).unwrap();
-    let run = dermatome(at, "build skin.glb -o few --atlas other/map.glb --landmarks few.csv").assert().success();
+    let run =
+        dermatome(at, "build skin.glb -o few --atlas other/map.glb --landmarks few.csv").assert().success();
     let said = String::from_utf8(run.get_output().stderr.clone()).unwrap();
     assert!(said.contains("right: left out: it has 2 landmarks"), "{said}");
     assert_eq!(finest("few").uv, finest("skin").uv, "the other patch is as before");
@@ -105,9 +115,9 @@ fn what_does_not_fit_is_refused() {
     refuses(at, &format!("{build} --landmarks places.txt"), &["regions", ".csv"]);
     refuses(at, &format!("{build} --landmarks regions"), &["no named region", "--regions"]);
     refuses(at, &format!("{build} --landmarks places.csv --mirror"), &["other hand", "--mirror"]);
-    fs::write(at.join("twice.csv"), "taxel_id,atlas_taxel_id\n0,0\n0,5\n9,9\n100,100\n").unwrap();
+    fs::write(at.join("twice.csv"), "taxel_id,atlas_taxel_id\n1,1\n1,5\n9,9\n100,100\n").unwrap();
     refuses(at, &format!("{build} --landmarks twice.csv"), &["line 2 of", "line 3 of", "one place"]);
-    fs::write(at.join("unknown.csv"), "taxel_id,atlas_taxel_id\n0,0\n777,5\n").unwrap();
+    fs::write(at.join("unknown.csv"), "taxel_id,atlas_taxel_id\n1,1\n777,5\n").unwrap();
     refuses(at, &format!("{build} --landmarks unknown.csv"), &["line 3", "taxel_id", "777"]);
     fs::write(at.join("none.csv"), "taxel_id,atlas_taxel_id\n").unwrap();
     refuses(at, &format!("{build} --landmarks none.csv"), &["no row"]);
