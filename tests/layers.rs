@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 #[rustfmt::skip]
 const MODULES: &[&str] = &[
     "id", "parallel", "run", "numeric", "mesh", "bvh", "delaunay", "sparse", "nearest", "least_squares", "skin", "robot", "remesh", "design", "calib", "diff",
-    "cut", "pyramid", "body", "flatten", "map", "atlas", "unfold", "contact", "signal", "response", "touches", "image", "io", "plot", "pattern",
+    "cut", "pyramid", "body", "flatten", "map", "registration", "atlas", "unfold", "contact", "signal", "response", "touches", "image", "io", "plot", "pattern",
     "report", "error", "recording", "page", "pipeline",
 ];
 

@@ -23,9 +23,9 @@ pub enum RegistrationError {
     /// The landmarks fit the mirror image.
     #[error(
         "the landmarks of patch {patch:?} are those of the other hand: they miss the atlas by {straight_mm:.1} mm, and \
-         {mirrored_mm:.1} mm as a mirror image; {advice}"
+         {mirrored_mm:.1} mm as a mirror image"
     )]
-    OtherHand { patch: String, straight_mm: f64, mirrored_mm: f64, advice: &'static str },
+    OtherHand { patch: String, straight_mm: f64, mirrored_mm: f64 },
     /// Two landmarks are exchanged.
     #[error(
         "{first} and {second}, in patch {patch:?}, seem to be exchanged: exchanged back, the map would bend with {:.2} of \

@@ -235,12 +235,7 @@ fn finest(patch: &PatchMap) -> &MapLevel {
 ///
 /// # Errors
 /// If they cannot be those of this skin and this atlas.
-pub(super) fn placing(
-    patch: &str,
-    level: &MapLevel,
-    marks: &[Mark],
-    is_mirrored: bool,
-) -> Result<Placing, RegistrationError> {
+pub(super) fn placing(patch: &str, level: &MapLevel, marks: &[Mark]) -> Result<Placing, RegistrationError> {
     for (k, mark) in marks.iter().enumerate() {
         let is_one = |whose: &str, other: &Mark| RegistrationError::OnePlace {
             first: other.name.clone(),
@@ -261,18 +256,8 @@ pub(super) fn placing(
     let (_, straight) = Similarity::of(&pairs);
     let (_, other_hand) = Similarity::of(&pairs.iter().map(|&[p, q]| [p, mirrored(q)]).collect::<Vec<_>>());
     if other_hand < OTHER_HAND * straight {
-        let advice = if is_mirrored {
-            "leave out --mirror"
-        } else {
-            "if the skin is that of the other hand, give --mirror"
-        };
         let [straight_mm, mirrored_mm] = [straight, other_hand].map(|m| 1e3 * m);
-        return Err(RegistrationError::OtherHand {
-            patch: patch.to_owned(),
-            straight_mm,
-            mirrored_mm,
-            advice,
-        });
+        return Err(RegistrationError::OtherHand { patch: patch.to_owned(), straight_mm, mirrored_mm });
     }
     if marks.len() >= FEWEST_TO_EXCHANGE
         && let Some(([a, b], share)) = best_exchange(&pairs)

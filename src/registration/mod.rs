@@ -138,7 +138,7 @@ pub fn register(map: &mut SkinMap, onto: &Onto<'_>) -> Result<Registered, Regist
             continue;
         }
         let finest = &patch.levels[LevelId::new(0)];
-        let fit = placing(&patch.name, finest, &marks.marks, is_mirrored)?;
+        let fit = placing(&patch.name, finest, &marks.marks)?;
         let placed: Vec<IdVec<PlaceId, DVec2>> =
             patch.levels.iter().map(|level| level.uv.map(|&at| fit.apply(at))).collect();
         let squares = marks.marks.iter().map(|mark| placed[0][mark.place].distance_squared(mark.to));

@@ -181,7 +181,7 @@ fn wrong_landmarks_are_refused() {
         .map(|(k, row)| Landmark { atlas: rows[k / 3 * 3 + 2 - k % 3].atlas, ..row.clone() })
         .collect();
     let error = refused(&Landmarks::Taxels(mirrored.clone()));
-    assert!(error.kind() == "other_hand" && error.to_string().contains("--mirror"), "{error}");
+    assert!(error.kind() == "other_hand" && error.to_string().contains("as a mirror image"), "{error}");
     let (map, _) = onto(free, atlas, &Landmarks::Taxels(mirrored), true).unwrap();
     assert!(map.is_mirrored());
     assert_eq!(kind(onto(free, atlas, &Landmarks::Taxels(rows), true)), "other_hand");

@@ -18,6 +18,7 @@ use dermatome::io::{Feature, IoError, file_kind};
 use dermatome::map::MapError;
 use dermatome::pattern::PatternError;
 use dermatome::plot::PlotError;
+use dermatome::registration::RegistrationError;
 use dermatome::response::ResponseError;
 use dermatome::signal::{OrderError, SignalError};
 use dermatome::skin::SkinError;
@@ -329,6 +330,13 @@ fn option_help(error: &Error) -> &'static str {
             "remesh it with --spacing, remove slivers (`dermatome check` lists them), move it near the origin of its \
              link, or leave such patches out with `dermatome build --keep-going`"
         }
+        Error::Registration(RegistrationError::OtherHand { .. }) => {
+            "if the skin is that of the other hand, give --mirror; if it is not, leave it out"
+        }
+        Error::Registration(RegistrationError::Flipped { .. }) => "leave out --method",
+        Error::Registration(RegistrationError::System { .. }) => BUILD_AGAIN,
+        Error::Registration(_) => "correct the table of --landmarks",
+        Error::Atlas(AtlasError::OtherPlane { .. }) => "draw one on the other with `dermatome build --atlas`",
         Error::Atlas(AtlasError::PixelBeyondPatches { .. }) => "give a smaller --pixel-mm: its unit is mm",
         Error::Remesh(_) => {
             "change --spacing, state the unit of the file (--unit), or take other patches with --patch or --links"

@@ -1,9 +1,9 @@
 //! The map of another skin that a map is drawn on.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use dermatome::Error;
-use dermatome::io::{file_kind, map_hash, read_landmarks, read_map};
+use dermatome::io::{map_hash, read_landmarks, read_map};
 use dermatome::map::SkinMap;
 use dermatome::pipeline::{BuildOptions, Built};
 use dermatome::registration::{Landmarks, Onto, Registered, RegisteredPatch};
@@ -12,7 +12,8 @@ use dermatome::skin::Skin;
 use crate::console::errors::advise;
 use crate::console::notes::{note, note_columns};
 use crate::console::print::plain;
-use crate::options::{Common, InPath};
+use crate::options::Common;
+use crate::options::paths::{InPath, LandmarkSource, landmark_source};
 
 /// The map of another skin that a map is drawn on.
 #[derive(Debug, Clone, Default, clap::Args)]
@@ -28,21 +29,6 @@ pub(crate) struct AtlasArgs {
     /// The skin is that of the other hand: draw it on the mirror image of the atlas
     #[arg(long, requires = "atlas")]
     mirror: bool,
-}
-
-/// Where landmarks come from.
-#[derive(Debug, Clone)]
-pub(crate) enum LandmarkSource {
-    Regions,
-    File(PathBuf),
-}
-
-fn landmark_source(text: &str) -> Result<LandmarkSource, String> {
-    match text {
-        "regions" => Ok(LandmarkSource::Regions),
-        file if &*file_kind(Path::new(file)) == "csv" => Ok(LandmarkSource::File(file.into())),
-        _ => Err("needed: regions, or a file that ends in .csv".into()),
-    }
 }
 
 /// A map that others are drawn on, with its name.

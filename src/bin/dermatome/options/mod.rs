@@ -17,13 +17,13 @@ use std::sync::atomic::AtomicU64;
 use clap::ValueEnum;
 use dermatome::io::{IoError, Outputs, ReadOptions, ReadingsReader};
 
-pub(crate) use atlas::{AtlasArgs, LandmarkSource};
+pub(crate) use atlas::AtlasArgs;
 pub(crate) use coarsen::{AcuityArgs, CoarsenArgs};
 pub(crate) use flatten::{BoundaryArg, CutArg, FlattenArgs};
 pub(crate) use patches::{PatchArgs, pattern};
 pub(crate) use paths::{
-    InPath, LayoutArg, MayRead, ModuleArg, ModulesArg, OutFile, OutFolder, SkipArg, layout_arg, module_arg,
-    modules_arg, skip_arg,
+    InPath, LandmarkSource, LayoutArg, MayRead, ModuleArg, ModulesArg, OutFile, OutFolder, SkipArg,
+    layout_arg, module_arg, modules_arg, skip_arg,
 };
 pub(crate) use read::{ReadArgs, Spacing, Unit};
 pub(crate) use regions::{RegionSource, RegionsArgs};

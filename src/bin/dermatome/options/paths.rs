@@ -10,7 +10,7 @@ use dermatome::design::Module;
 use dermatome::io::{ReadingsLayout, file_kind, read_module};
 
 use crate::options::values::side_mm;
-use crate::options::{BoundaryArg, CutArg, JointsArg, LandmarkSource, RegionSource};
+use crate::options::{BoundaryArg, CutArg, JointsArg, RegionSource};
 
 macro_rules! paths {
     ($($(#[$doc:meta])* $name:ident),*) => {$(
@@ -123,6 +123,22 @@ pub(crate) fn skip_arg(text: &str) -> Result<SkipArg, String> {
 pub(crate) enum ModulesArg {
     Of(u32),
     Table(PathBuf),
+}
+
+/// Where landmarks come from.
+#[derive(Debug, Clone)]
+pub(crate) enum LandmarkSource {
+    Regions,
+    File(PathBuf),
+}
+
+/// A parser of [`LandmarkSource`].
+pub(crate) fn landmark_source(text: &str) -> Result<LandmarkSource, String> {
+    match text {
+        "regions" => Ok(LandmarkSource::Regions),
+        file if &*file_kind(Path::new(file)) == "csv" => Ok(LandmarkSource::File(file.into())),
+        _ => Err("needed: regions, or a file that ends in .csv".into()),
+    }
 }
 
 /// A module to design with: one with a name and a size, or a drawing.
