@@ -2,9 +2,9 @@
 
 use glam::DVec2;
 
-use crate::flatten::{distortion, keeps_orientation};
+use crate::flatten::{crossing_vertices, distortion, keeps_orientation};
 use crate::id::{FaceId, IdVec, VertexId};
-use crate::mesh::TriMesh;
+use crate::mesh::{TriMesh, boundary_edges};
 use crate::registration::field::Bending;
 use crate::sparse::SparseError;
 
@@ -54,7 +54,10 @@ pub(super) fn bend(
         held.iter().for_each(|&(v, to)| uv[v] = to);
         match fold.or_else(|| first_flip(mesh, &uv)) {
             None if distortion(mesh, &uv).crossings <= crossings => return Ok(Bent::Done(uv, steps)),
-            None => folds = folds.or_else(|| held.first().map(|&(_, to)| to)),
+            None => {
+                let crossing = crossing_vertices(&boundary_edges(mesh), &uv);
+                folds = Some(crossing.first().map_or(held[0].1, |&v| uv[v]));
+            }
             Some(at) => folds = Some(at),
         }
     }

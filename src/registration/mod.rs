@@ -148,7 +148,7 @@ pub fn register(map: &mut SkinMap, onto: &Onto<'_>) -> Result<Registered, Regist
         let mut bent = patch.clone();
         bend_levels(&mut bent, placed, uv);
         let name = atlas.patches[marks.atlas].name.clone();
-        bent.atlas = Some(name.clone());
+        bent.atlas = Some(atlas.patches[marks.atlas].plane().to_owned());
         registered.patches.push(RegisteredPatch {
             name: patch.name.clone(),
             atlas: name,
@@ -166,8 +166,11 @@ pub fn register(map: &mut SkinMap, onto: &Onto<'_>) -> Result<Registered, Regist
         return Err(RegistrationError::TooFew { found: found.collect::<Vec<_>>().join(", ") });
     }
     map.patches = patches.into();
-    let (name, hash) = (onto.name.to_owned(), onto.hash);
-    map.atlas = Some(OnAtlas { name, hash, is_mirrored });
+    // A map on a map that is drawn on a third lies on the plane of the third.
+    map.atlas = Some(match &atlas.atlas {
+        Some(on) => OnAtlas { is_mirrored: is_mirrored != on.is_mirrored, ..on.clone() },
+        None => OnAtlas { name: onto.name.to_owned(), hash: onto.hash, is_mirrored },
+    });
     Ok(registered)
 }
 

@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, LazyLock};
 
-use dermatome::atlas::{Atlas, AtlasOptions};
+use dermatome::atlas::{Atlas, AtlasOptions, Pack};
 use dermatome::flatten::distortion;
 use dermatome::id::VertexId;
 use dermatome::io::{map_from_bytes, map_hash, map_to_bytes, share_plane};
@@ -283,4 +283,31 @@ fn a_map_is_drawn_on_the_canvas_of_its_atlas() {
     let shown = own.parts[0].charts[0].centre(column, row);
     assert!(DVec2::new(-at.x, at.y).distance(shown) < 1e-6, "{at} is the mirror image of {shown}");
     assert!(Atlas::onto(&SkinMap::flat(shapes::lattice(3, 3, 0.01), 1e-3), atlas, &options).is_err());
+}
+
+/// A map on its own canvas has the pixels that it has without one, packed or not; and one on a map that lies on a third
+/// lies on the plane of the third.
+#[test]
+fn a_map_is_its_own_canvas() {
+    let mut skin = PAIR.skin.clone();
+    let link = skin.patches[PatchId::new(0)].link;
+    let mut pad = Patch::from_mesh("pad", link, shapes::lattice(9, 24, 0.004));
+    pad.mesh.positions.iter_mut().for_each(|p| p.x += 1.0);
+    skin.patches.push(pad);
+    let map = built(&skin).map;
+    for pack in [None, Some(Pack::Tight), Some(Pack::Body)] {
+        let options = AtlasOptions { pack, ..AtlasOptions::default() };
+        assert_eq!(
+            Atlas::onto(&map, &map, &options).unwrap(),
+            Atlas::new(&map, &options).unwrap(),
+            "{pack:?}"
+        );
+    }
+    let Pair { free, atlas, .. } = &*PAIR;
+    let (first, _) = onto(free, atlas, &marks_at(&PLACES), false).unwrap();
+    let (second, _) = onto(atlas, &first, &landmarks(B, A, &PLACES), false).unwrap();
+    assert_eq!((&second.atlas, second.patches[PatchId::new(0)].plane()), (&first.atlas, "sheet"));
+    assert!(share_plane(&second, atlas).unwrap());
+    let far = uv(&second).uv.iter().zip(&uv(atlas).uv).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
+    assert!(far < 0.005, "there and back: {far} m");
 }

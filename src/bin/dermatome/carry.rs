@@ -10,11 +10,12 @@ use dermatome::signal::{Carry, Frame, Quantity};
 use serde_json::json;
 
 use crate::console::errors::advise;
-use crate::console::notes::note;
+use crate::console::notes::{note, note_count};
 use crate::console::print::print_json;
 use crate::console::progress;
 use crate::files::input::read_map_first;
 use crate::files::outputs::{self, is_stream};
+use crate::files::signals;
 use crate::options::{Common, InPath, OutFile};
 use crate::readings::{ReadingsArgs, remark_join};
 use crate::render::read_canvas;
@@ -67,24 +68,34 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let bar = progress::frames(common, recording.frames(), is_stream(&args.readings));
     let mut carried = Frame::new(&to, channels.len());
     let (mut lost, mut all) = (0.0, 0.0);
-    while let Some(step) = recording.next_step()? {
-        carried.time = step.frame.time;
-        carry.carry_frame(step.frame, &channels, &mut carried);
-        writer.write(&carried).map_err(Error::from)?;
-        // In terms of amounts: what is averaged counts by area.
-        let is_amount = channels[0].quantity == Quantity::Extensive;
-        let amount = |patch, taxel| {
-            let value: f64 = step.frame.values[patch][0][taxel];
-            let weight = if is_amount { 1.0 } else { map.patches[patch].taxels.areas[taxel] };
-            if value.is_finite() { weight * value.abs() } else { 0.0 }
-        };
-        lost += carry.outside().iter().map(|&(patch, taxel)| amount(patch, taxel)).sum::<f64>();
-        for (patch, of) in map.patches.enumerate() {
-            all += of.taxels.ids.ids().map(|taxel| amount(patch, taxel)).sum::<f64>();
+    let mut written = 0;
+    let mut carry_all = || -> anyhow::Result<()> {
+        while let Some(step) = recording.next_step()? {
+            carried.time = step.frame.time;
+            carry.carry_frame(step.frame, &channels, &mut carried);
+            writer.write(&carried).map_err(Error::from)?;
+            // In terms of amounts: what is averaged counts by area.
+            let is_amount = channels[0].quantity == Quantity::Extensive;
+            let amount = |patch, taxel| {
+                let value: f64 = step.frame.values[patch][0][taxel];
+                let weight = if is_amount { 1.0 } else { map.patches[patch].taxels.areas[taxel] };
+                if value.is_finite() { weight * value.abs() } else { 0.0 }
+            };
+            lost += carry.outside().iter().map(|&(patch, taxel)| amount(patch, taxel)).sum::<f64>();
+            for (patch, of) in map.patches.enumerate() {
+                all += of.taxels.ids.ids().map(|taxel| amount(patch, taxel)).sum::<f64>();
+            }
+            bar.inc(1);
+            written += 1;
         }
-        bar.inc(1);
-    }
+        Ok(())
+    };
+    let ended = carry_all();
     bar.finish_and_clear();
+    // Of a stream that ends badly, what came before is kept: it will not come again.
+    if ended.is_err() && (written == 0 || !is_stream(&args.readings)) {
+        return ended.map(|()| ExitCode::SUCCESS);
+    }
     let report = recording.report();
     if report.frames == 0 {
         return Err(advise(
@@ -94,6 +105,11 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     }
     writer.finish().map_err(Error::from)?;
     outputs::publish(common)?;
+    if ended.is_err() {
+        let how = if signals::stopped().is_some() { "was stopped" } else { "ended badly" };
+        note_count(common, written, "frames", &format!("carried; the stream {how}"));
+    }
+    ended?;
     args.readings_args.remark(&recording, common);
     let share = if all > 0.0 { lost / all } else { 0.0 };
     if outside > 0 {
