@@ -1,17 +1,18 @@
 //! Which places of two skins are the same, and whether they can be.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 
 use crate::cut::PlaceId;
 use crate::id::{IdVec, VertexId};
 use crate::map::{MapLevel, PatchMap, Regions, SkinMap, mirrored};
+use crate::mesh::TriMesh;
 use crate::pyramid::LevelId;
 use crate::registration::RegistrationError;
 use crate::registration::exchange::best_exchange;
 use crate::registration::place::{Placing, Similarity, breadth};
-use crate::skin::{PatchId, TaxelId};
+use crate::skin::{PatchId, RegionName, TaxelId, Taxels};
 
 /// Fewer landmarks do not determine how a patch is bent: with three, the places of hands are missed by 1.3 to 13 mm.
 pub(super) const FEWEST: usize = 4;
@@ -52,21 +53,17 @@ pub enum Landmarks {
 }
 
 impl Landmarks {
-    /// Pairs of ids: of a taxel of the skin, and of the one of the atlas at the same place. They are called `landmarks[0]`,
-    /// `landmarks[1]`, ... in errors.
+    /// Pairs of ids: of a taxel of a skin, whose patches are `own`, and of the one of the atlas at the same place. They are
+    /// called `landmarks[0]`, `landmarks[1]`, ... in errors.
     ///
     /// # Errors
     /// If an id is not that of exactly one taxel.
-    pub fn of_ids(map: &SkinMap, atlas: &SkinMap, pairs: &[[TaxelId; 2]]) -> Result<Self, RegistrationError> {
-        let homes = [map, atlas].map(|map| {
-            let mut homes: HashMap<TaxelId, (PatchId, VertexId, usize)> = HashMap::new();
-            for (id, patch) in map.patches.enumerate() {
-                for (taxel, name) in patch.taxels.ids.enumerate() {
-                    homes.entry(*name).or_insert((id, taxel, 0)).2 += 1;
-                }
-            }
-            homes
-        });
+    pub fn of_ids<'a>(
+        own: impl IntoIterator<Item = &'a Taxels>,
+        atlas: &SkinMap,
+        pairs: &[[TaxelId; 2]],
+    ) -> Result<Self, RegistrationError> {
+        let homes = [homes_of(own), homes_of(atlas.patches.iter().map(|patch| &patch.taxels))];
         let landmark = |(number, ids): (usize, &[TaxelId; 2])| {
             let name = format!("landmarks[{number}]");
             let of = |side: usize, whose: &str| match homes[side].get(&ids[side]) {
@@ -83,6 +80,19 @@ impl Landmarks {
         };
         Ok(Self::Taxels(pairs.iter().enumerate().map(landmark).collect::<Result<_, _>>()?))
     }
+}
+
+/// Where the taxel of each id is, and how many have it.
+fn homes_of<'a>(
+    patches: impl IntoIterator<Item = &'a Taxels>,
+) -> HashMap<TaxelId, (PatchId, VertexId, usize)> {
+    let mut homes: HashMap<TaxelId, (PatchId, VertexId, usize)> = HashMap::new();
+    for (patch, taxels) in patches.into_iter().enumerate() {
+        for (taxel, name) in taxels.ids.enumerate() {
+            homes.entry(*name).or_insert((PatchId::new(patch), taxel, 0)).2 += 1;
+        }
+    }
+    homes
 }
 
 /// A landmark of a patch: a place of its map, and where it comes to.
@@ -212,7 +222,7 @@ fn centres(patch: &PatchMap, id: PatchId, regions: &Regions) -> Vec<Centre> {
     let mut is_on_seam = IdVec::<VertexId, bool>::filled(false, count);
     level.unsplit().into_iter().flat_map(|at| at.iter().skip(count)).for_each(|&v| is_on_seam[v] = true);
     let Some(of_taxels) = regions.of_taxels.get(id) else { return Vec::new() };
-    let of_region = |(region, name): (_, &crate::skin::RegionName)| {
+    let of_region = |(region, name): (_, &RegionName)| {
         let taxels = || of_taxels.enumerate().filter(move |(_, of)| **of == Some(region)).map(|(v, _)| v);
         if taxels().any(|v| is_on_seam[v]) {
             return None;
@@ -225,6 +235,25 @@ fn centres(patch: &PatchMap, id: PatchId, regions: &Regions) -> Vec<Centre> {
         nearest.map(|nearest| Centre { name: name.to_string(), at, area, nearest })
     };
     regions.names.enumerate().filter_map(of_region).collect()
+}
+
+/// The taxel nearest to the centre of each region of a patch in space.
+pub(super) fn nearest_in_space(mesh: &TriMesh, taxels: &Taxels) -> Vec<(RegionName, VertexId)> {
+    let mut sums: BTreeMap<&RegionName, (DVec3, f64)> = BTreeMap::new();
+    let Some(regions) = &taxels.regions else { return Vec::new() };
+    for (v, name) in regions.enumerate() {
+        if let Some(name) = name {
+            let (sum, area) = sums.entry(name).or_default();
+            *sum += taxels.areas[v] * mesh.positions[v];
+            *area += taxels.areas[v];
+        }
+    }
+    let nearest = |(name, (sum, area)): (&RegionName, (DVec3, f64))| {
+        let far = |v: &VertexId| mesh.positions[*v].distance_squared(sum / area);
+        let own = regions.enumerate().filter(|(_, other)| other.as_ref() == Some(name)).map(|(v, _)| v);
+        own.min_by(|a, b| far(a).total_cmp(&far(b))).map(|v| (name.clone(), v))
+    };
+    sums.into_iter().filter_map(nearest).collect()
 }
 
 fn finest(patch: &PatchMap) -> &MapLevel {

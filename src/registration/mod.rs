@@ -16,6 +16,8 @@
 //! 16 pairs of hands with 13 landmarks, taxels missed their places by 0.67 mm in the median, and by 1.6 mm so
 //! (SLIM `(rabinovich2017)`).
 //!
+//! A closed skin is first cut along the seam of its atlas: [`carried_seams`].
+//!
 //! [`Carry`](crate::signal::Carry) takes readings from the taxels of one map to those of another on the same atlas.
 //!
 //! # Guarantees
@@ -29,7 +31,8 @@
 //!
 //! # Files in reading order
 //!
-//! `landmarks` (what is the same), `place` (similarity), `exchange` (exchanged landmarks), `field`, `bend`.
+//! `landmarks` (what is the same), `place` (similarity), `exchange` (exchanged landmarks), `field`, `bend`;
+//! `seam`.
 
 mod bend;
 mod error;
@@ -37,6 +40,7 @@ mod exchange;
 mod field;
 mod landmarks;
 mod place;
+mod seam;
 
 use glam::DVec2;
 
@@ -46,6 +50,7 @@ use crate::map::{MapLevel, OnAtlas, PatchMap, SkinMap};
 use crate::pyramid::LevelId;
 pub use error::RegistrationError;
 pub use landmarks::{Landmark, Landmarks};
+pub use seam::carried_seams;
 
 use bend::{Bent, bend, first_flip};
 use landmarks::{FEWEST, Mark, marks_of, placing};

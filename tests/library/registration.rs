@@ -3,6 +3,7 @@
 use std::sync::{Arc, LazyLock};
 
 use dermatome::atlas::{Atlas, AtlasOptions, Pack};
+use dermatome::cut::Cut;
 use dermatome::flatten::distortion;
 use dermatome::id::VertexId;
 use dermatome::io::{map_from_bytes, map_hash, map_to_bytes, share_plane};
@@ -10,7 +11,9 @@ use dermatome::map::SkinMap;
 use dermatome::mesh::{TriMesh, shapes};
 use dermatome::pipeline::{BuildOptions, Built, build_with};
 use dermatome::pyramid::LevelId;
-use dermatome::registration::{Landmark, Landmarks, Onto, Registered, RegistrationError, register};
+use dermatome::registration::{
+    Landmark, Landmarks, Onto, Registered, RegistrationError, carried_seams, register,
+};
 use dermatome::run::Run;
 use dermatome::signal::{Carry, Quantity};
 use dermatome::skin::{Patch, PatchId, Skin};
@@ -310,4 +313,46 @@ fn a_map_is_its_own_canvas() {
     assert!(share_plane(&second, atlas).unwrap());
     let far = uv(&second).uv.iter().zip(&uv(atlas).uv).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
     assert!(far < 0.005, "there and back: {far} m");
+}
+
+/// A closed skin is cut along the seam of its atlas, so that places near it have the same neighbours on both maps.
+#[test]
+fn a_closed_skin_is_cut_along_the_seam_of_its_atlas() {
+    let stretched = |p: DVec3| DVec3::new(1.3 * p.x + 0.2 * p.y, 0.9 * p.y, 1.1 * p.z);
+    let other = Skin::from_mesh("ball", shapes::ball(9, 0.05));
+    let mut mesh = shapes::ball(11, 0.05);
+    mesh.positions.iter_mut().for_each(|p| *p = stretched(*p));
+    let skin = Skin::from_mesh("ball", mesh);
+    let atlas = built(&other).map;
+    let (own, theirs) = (&skin.patches[PatchId::new(0)].mesh, &other.patches[PatchId::new(0)].mesh);
+    let on_seam: Vec<VertexId> = {
+        let level = uv(&atlas);
+        let unsplit = &level.cut.as_ref().unwrap().unsplit;
+        unsplit.iter().skip(theirs.positions.len()).copied().collect()
+    };
+    let nearest = |at: DVec3| {
+        let far = |v: &VertexId| own.positions[*v].distance_squared(at);
+        own.positions.ids().min_by(|a, b| far(a).total_cmp(&far(b))).unwrap()
+    };
+    let rows = (0..theirs.positions.len()).step_by(23).map(VertexId::new).filter(|v| !on_seam.contains(v));
+    let landmark = |v: VertexId| Landmark {
+        name: format!("taxel {v}"),
+        taxel: (PatchId::new(0), nearest(stretched(theirs.positions[v]))),
+        atlas: (PatchId::new(0), v),
+    };
+    let marks = Landmarks::Taxels(rows.map(landmark).collect());
+    let seams = carried_seams(&skin, &atlas, &marks).unwrap();
+    assert!(seams.len() > 5, "{seams:?}");
+    let spacing = 0.012;
+    for id in seams.iter().flatten() {
+        let v = skin.patches[PatchId::new(0)].taxels.ids.enumerate().find(|(_, own)| *own == id).unwrap().0;
+        let far = |w: &VertexId| stretched(theirs.positions[*w]).distance(own.positions[v]);
+        let least = on_seam.iter().map(far).fold(f64::INFINITY, f64::min);
+        assert!(least < 2.0 * spacing, "{id}: {least} m from the seam");
+    }
+    let options = BuildOptions { cut: Cut::Along(seams), ..BuildOptions::default() };
+    let cut = build_with(&skin, &options, Run::default()).unwrap();
+    assert!(uv(&cut.map).cut.is_some());
+    // A skin with a boundary keeps its own cut.
+    assert!(carried_seams(&PAIR.skin, &PAIR.atlas, &marks_at(&PLACES)).unwrap().is_empty());
 }

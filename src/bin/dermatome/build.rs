@@ -8,6 +8,7 @@ use std::time::Instant;
 use anyhow::Context;
 use dermatome::Error;
 use dermatome::atlas::skin_images;
+use dermatome::cut::Cut;
 use dermatome::io::{Outputs, write_images, write_map};
 use dermatome::map::SkinMap;
 use dermatome::page::Page;
@@ -126,6 +127,12 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     args.acuity.apply(&mut skin, common)?;
     options.flatten = args.flatten.options_for(&skin, common)?;
     let read = start.elapsed().as_secs_f64();
+
+    if let Some(atlas) = atlas.as_ref().filter(|_| options.cut == Cut::Auto)
+        && let Some(seams) = args.atlas.seams(atlas, &skin, common)?
+    {
+        options.cut = seams;
+    }
 
     let bar = progress::bar(common);
     let on_progress = |progress| progress::show(&bar, progress);

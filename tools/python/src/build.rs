@@ -4,12 +4,13 @@ use std::{ffi::CString, path::PathBuf, sync::Arc};
 
 use dermatome::{
     Skin, SkinMap,
+    cut::Cut,
     io::{map_hash, map_to_bytes, read_landmarks},
     pipeline::{BuildOptions, Built, MagnifyOver, build_with},
     pyramid::CoarsenOptions,
-    registration::{Landmarks, Onto},
+    registration::{Landmarks, Onto, carried_seams},
     run::{Progress, Stage},
-    skin::TaxelId,
+    skin::{TaxelId, Taxels},
 };
 use pyo3::{exceptions::PyUserWarning, prelude::*};
 
@@ -189,6 +190,14 @@ pub(crate) fn build(
     };
     let onto = on_atlas(atlas, landmarks, mirror)?;
     let made = run(py, count("threads", threads)?, move |stop| -> Result<_, dermatome::Error> {
+        let mut options = options;
+        if let Some(onto) = onto.as_ref().filter(|_| options.cut == Cut::Auto) {
+            let landmarks = onto.landmarks(skin.patches.iter().map(|patch| &patch.taxels))?;
+            let seams = carried_seams(&skin, &onto.atlas, &landmarks)?;
+            if !seams.is_empty() {
+                options.cut = Cut::Along(seams);
+            }
+        }
         let mut built = build_with(&skin, &options, stop.run().telling(&|told| tell(told, stop)))?;
         let remarks = match onto {
             Some(onto) => onto.register(&mut built, &skin, &options)?,
@@ -256,6 +265,18 @@ fn on_atlas(
 }
 
 impl OnAtlas {
+    /// What is the same on the atlas and on a skin with these patches.
+    fn landmarks<'a>(
+        &self,
+        own: impl IntoIterator<Item = &'a Taxels>,
+    ) -> Result<Landmarks, dermatome::Error> {
+        Ok(match &self.landmarks {
+            LandmarksArg::Regions => Landmarks::Regions,
+            LandmarksArg::File(path) => Landmarks::Taxels(read_landmarks(path, own, &self.atlas)?.rows),
+            LandmarksArg::Ids(pairs) => Landmarks::of_ids(own, &self.atlas, pairs)?,
+        })
+    }
+
     /// Draws a map that was built on the atlas; returns what was left out.
     fn register(
         &self,
@@ -264,11 +285,8 @@ impl OnAtlas {
         options: &BuildOptions,
     ) -> Result<Vec<String>, dermatome::Error> {
         let atlas = &*self.atlas;
-        let landmarks = match &self.landmarks {
-            LandmarksArg::Regions => Landmarks::Regions,
-            LandmarksArg::File(path) => Landmarks::Taxels(read_landmarks(path, &built.map, atlas)?.rows),
-            LandmarksArg::Ids(pairs) => Landmarks::of_ids(&built.map, atlas, pairs)?,
-        };
+        let map = Arc::clone(&built.map);
+        let landmarks = self.landmarks(map.patches.iter().map(|patch| &patch.taxels))?;
         let name = atlas.patches.iter().next().map_or("", |patch| &patch.name);
         let (hash, is_mirrored) = (map_hash(atlas)?, self.is_mirrored);
         let onto = Onto { atlas, name, hash, landmarks: &landmarks, is_mirrored };

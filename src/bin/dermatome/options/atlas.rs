@@ -1,13 +1,15 @@
 //! The map of another skin that a map is drawn on.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use dermatome::Error;
+use dermatome::cut::Cut;
 use dermatome::io::{map_hash, read_landmarks, read_map};
 use dermatome::map::SkinMap;
 use dermatome::pipeline::{BuildOptions, Built};
-use dermatome::registration::{Landmarks, Onto, Registered, RegisteredPatch};
-use dermatome::skin::Skin;
+use dermatome::registration::{Landmarks, Onto, Registered, RegisteredPatch, carried_seams};
+use dermatome::skin::{Skin, Taxels};
 
 use crate::console::errors::advise;
 use crate::console::notes::{note, note_columns};
@@ -44,6 +46,38 @@ impl AtlasArgs {
         Ok(Some(AtlasMap { name: atlas_name(path), map: read_map(path)? }))
     }
 
+    /// The seams of the atlas on the closed patches of a skin: how to cut it, unless that is given.
+    pub(crate) fn seams(
+        &self,
+        atlas: &AtlasMap,
+        skin: &Skin,
+        common: &Common,
+    ) -> anyhow::Result<Option<Cut>> {
+        let common = Common { quiet: true, ..common.clone() };
+        let own = skin.patches.iter().map(|patch| &patch.taxels);
+        let Some(landmarks) = self.landmarks(own, atlas, &common)? else { return Ok(None) };
+        let seams = carried_seams(skin, &atlas.map, &landmarks).map_err(Error::from)?;
+        Ok((!seams.is_empty()).then_some(Cut::Along(seams)))
+    }
+
+    /// What is the same on the atlas and on a skin with these patches.
+    fn landmarks<'a>(
+        &self,
+        own: impl IntoIterator<Item = &'a Taxels>,
+        atlas: &AtlasMap,
+        common: &Common,
+    ) -> anyhow::Result<Option<Landmarks>> {
+        Ok(match &self.landmarks {
+            Some(LandmarkSource::File(path)) => {
+                let table = read_landmarks(path, own, &atlas.map).map_err(Error::from)?;
+                note_columns(path, &table.unused, common);
+                Some(Landmarks::Taxels(table.rows))
+            }
+            Some(LandmarkSource::Regions) => Some(Landmarks::Regions),
+            None => None,
+        })
+    }
+
     /// Draws a map that was built on that of the other skin.
     pub(crate) fn apply(
         &self,
@@ -53,23 +87,17 @@ impl AtlasArgs {
         options: &BuildOptions,
         common: &Common,
     ) -> anyhow::Result<()> {
-        let landmarks = match &self.landmarks {
-            Some(LandmarkSource::File(path)) => {
-                let table = read_landmarks(path, &built.map, &atlas.map).map_err(Error::from)?;
-                note_columns(path, &table.unused, common);
-                Landmarks::Taxels(table.rows)
-            }
-            Some(LandmarkSource::Regions) => {
-                for (map, whose) in [(&*built.map, "the skin"), (&atlas.map, "the atlas")] {
-                    if map.regions().names.is_empty() {
-                        let what = format!("--landmarks regions, but {whose} has no named region");
-                        return Err(advise(what, "name them with --regions, or give a table of landmarks"));
-                    }
+        let map = Arc::clone(&built.map);
+        let own = map.patches.iter().map(|patch| &patch.taxels);
+        let Some(landmarks) = self.landmarks(own, atlas, common)? else { return Ok(()) };
+        if landmarks == Landmarks::Regions {
+            for (map, whose) in [(&*map, "the skin"), (&atlas.map, "the atlas")] {
+                if map.regions().names.is_empty() {
+                    let what = format!("--landmarks regions, but {whose} has no named region");
+                    return Err(advise(what, "name them with --regions, or give a table of landmarks"));
                 }
-                Landmarks::Regions
             }
-            None => return Ok(()),
-        };
+        }
         let onto = Onto {
             atlas: &atlas.map,
             name: &atlas.name,
