@@ -19,17 +19,15 @@ use crate::options::paths::{InPath, LandmarkSource, landmark_source};
 
 /// The map of another skin that a map is drawn on.
 #[derive(Debug, Clone, Default, clap::Args)]
-#[command(next_help_heading = "Atlas")]
 pub(crate) struct AtlasArgs {
-    /// Draw the map on that of another skin, so that both have the same pixels (docs/atlas.md); needs --landmarks
-    #[arg(long, value_name = "MAP", requires = "landmarks")]
+    /// Draw the map on that of another skin (docs/atlas.md)
+    #[arg(long, help_heading = "Map", value_name = "MAP", requires = "landmarks")]
     atlas: Option<InPath>,
-    /// What is the same on both skins: a table with columns taxel_id,atlas_taxel_id, or `regions` for the centres of
-    /// regions of one name; four or more in each patch
-    #[arg(long, value_name = "L.csv|regions", value_parser = landmark_source, requires = "atlas")]
+    /// Places of both: taxel_id,atlas_taxel_id, or those of regions
+    #[arg(long, value_name = "L.csv|regions", value_parser = landmark_source, requires = "atlas", help_heading = "Map")]
     landmarks: Option<LandmarkSource>,
     /// The skin is that of the other hand: draw it on the mirror image of the atlas
-    #[arg(long, requires = "atlas")]
+    #[arg(long, requires = "atlas", help_heading = "Map", hide_short_help = true)]
     mirror: bool,
 }
 
