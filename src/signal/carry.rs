@@ -17,7 +17,8 @@ use crate::pyramid::LevelId;
 use crate::signal::{Channel, Frame, Quantity};
 use crate::skin::PatchId;
 
-/// Carries frames from one map to another; see the [module](self).
+/// Carries readings from the taxels of one map to those of another on the same plane: amounts keep their sum, averages are
+/// means by area.
 #[derive(Debug, Clone)]
 pub struct Carry {
     /// The taxels of the second map in the order of its patches: the taxels of the first that they get a share of.

@@ -53,9 +53,9 @@ const ENDS: [(&str, &str, &[&str]); 24] = [
         "",
         &[
             "dermatome build meshes/hand.glb -o hand",
-            "dermatome build meshes/robot_hand.glb -o robot_hand --atlas hand/map.glb --landmarks meshes/robot_hand_landmarks.csv",
+            "dermatome build meshes/robot_hand.glb -o robot --atlas hand/map.glb --landmarks meshes/hands.csv",
             "dermatome touch meshes/robot_hand.glb -o touch.csv --presses 1 --rate-hz 20",
-            "dermatome carry robot_hand/map.glb touch.csv --to hand/map.glb -o carried.csv",
+            "dermatome carry robot/map.glb touch.csv --to hand/map.glb -o carried.csv",
         ],
     ),
     ("check", "", &["dermatome check meshes/robot.glb"]),

@@ -18,7 +18,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     let rows = hand::landmarks().into_iter().map(|[own, other]| format!("{},{}\n", own.0, other.0));
     let table = "taxel_id,atlas_taxel_id\n".to_owned() + &rows.collect::<String>();
-    fs::write(folder.join("robot_hand_landmarks.csv"), table)?;
+    fs::write(folder.join("hands.csv"), table)?;
     let name = Path::new("sleeve.glb");
     let bent = bent(&skin_to_bytes(name, &sleeve())?).ok_or("a GLB file is needed")?;
     fs::write(folder.join(name), bent)?;

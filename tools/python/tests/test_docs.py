@@ -32,7 +32,7 @@ NOTEBOOKS = sorted((ROOT / "tools" / "python" / "examples").glob("*.ipynb"))
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     (tmp_path / "meshes").mkdir()
-    for name in ("forearm.glb", "arm.urdf", "hand.glb", "robot_hand.glb", "robot_hand_landmarks.csv"):
+    for name in ("forearm.glb", "arm.urdf", "hand.glb", "robot_hand.glb", "hands.csv"):
         shutil.copy(ROOT / "meshes" / name, tmp_path / "meshes")
     if SAMPLES.is_dir():
         for name, sample in {"layouts": "layouts", "lerobot_v3": "lerobot_v3", "bag": "ros/bag_sqlite"}.items():
