@@ -7,8 +7,9 @@
 //! 1. **Place**: turn, scale and move the map so that its landmarks come near those of the atlas (least squares); with
 //!    six or more, halfway to the affine map that does so.
 //! 2. **Bend**: what each landmark still misses is its displacement; the biharmonic field continues it over the map
-//!    (`field`). Where one step folds a face or makes the map overlap itself, it is bent in up to eight, each on the map
-//!    of the last; where that folds, too, the landmark nearest to the fold is left out.
+//!    (`field`). Rims that come to cross each other, as those of two fingers, are moved apart. Where one step folds a
+//!    face or that does not help, the map is bent in up to eight, each on the map of the last; where that folds, too, the
+//!    landmark nearest to the fold is left out.
 //! 3. **Levels**: a coarser level is placed alike, and each vertex moves as the taxel at its centre. Where that folds,
 //!    it takes the place of its taxel.
 //!
