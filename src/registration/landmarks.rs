@@ -26,7 +26,7 @@ const OTHER_HAND: f64 = 0.5;
 
 /// Two landmarks are exchanged where their exchange leaves less than this share of the energy of bending. Of 240 pairs
 /// of hands with 6 to 30 right landmarks the least share was 0.64; of as many with two exchanged, 19 in 20 had less
-/// than 0.5. Their distance from the fit of the others does not tell: right ones miss by up to 20 standard deviations.
+/// than 0.5. Their distance from the fit of the others does not decide: right ones miss it by up to 20 standard deviations.
 const EXCHANGED: f64 = 0.5;
 
 /// With fewer landmarks another exchange may be as good by chance.

@@ -23,7 +23,7 @@ use crate::registration::landmarks::{FEWEST, Landmarks, nearest_in_space};
 use crate::skin::{Patch, PatchId, Skin, TaxelId};
 use crate::sparse::{Cholesky, Matrix, Pattern, SparseError};
 
-/// The atlas is bent on its finest level with at most so many vertices: the match is rough.
+/// The atlas is bent on its finest level with at most this many vertices: the match is rough.
 const MOST_VERTICES: usize = 4000;
 
 /// Rounds of the match: in the first ones landmarks alone hold it.

@@ -263,7 +263,7 @@ mod tests {
         }
     }
 
-    /// A clock that is late by whole frames has the readings of so many frames before; one that is early the other way.
+    /// A clock that is late by whole frames has the readings of this many frames before; one that is early the other way.
     #[test]
     fn late_readings_are_those_of_earlier_frames() {
         let log = clean();

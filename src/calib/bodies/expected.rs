@@ -38,7 +38,7 @@ const NEAREST: usize = 4;
 /// The simulated presses of 0.15 have errors of 0.88 mm rms with 0.15, 1.00 with 0.1 or 0.3, 1.29 with 0.05 and 1.72 without.
 const DEPTHS: [f64; 5] = [0.05, 0.1, 0.15, 0.2, 0.3];
 
-/// When depths are compared, an error counts at most so many medians.
+/// When depths are compared, an error counts at most as this many medians.
 const MOST_MEDIANS: f64 = 3.0;
 
 impl Touches {

@@ -198,14 +198,14 @@ impl Fit<'_> {
     fn side(&self) -> f64 {
         /// A touch counts at most this many standard deviations.
         const MOST_SIGMAS: f64 = 6.0;
-        /// Touches tell only if their mean is beyond this: presses have 4.7, a sphere that rolls with a constant force 0.9.
+        /// The sum decides only if their mean is beyond this: presses have 4.7, a sphere that rolls with a constant force 0.9.
         const LEAST_MEAN: f64 = 1.5;
-        let told = self.touches.all.iter().filter(|touch| touch.outward != DVec3::ZERO).map(|touch| {
+        let falls = self.touches.all.iter().filter(|touch| touch.outward != DVec3::ZERO).map(|touch| {
             let normal = self.solved.placement.error(self.hierarchy, touch).1;
             normal.dot(touch.outward).clamp(-MOST_SIGMAS, MOST_SIGMAS)
         });
-        let told: Vec<f64> = told.collect();
-        let (sum, count) = (told.iter().sum::<f64>(), told.len() as f64);
+        let falls: Vec<f64> = falls.collect();
+        let (sum, count) = (falls.iter().sum::<f64>(), falls.len() as f64);
         if sum.abs() > LEAST_MEAN * count { sum / count.sqrt() } else { 0.0 }
     }
 

@@ -81,8 +81,8 @@ def episodes(
     >>> palm = dermatome.build(dermatome.Skin.from_arrays([[0.005 * x, 0.005 * y, 0] for y in range(9) for x in range(9)]))
     >>> readings, truth = dermatome.touch(palm, presses=1)
     >>> readings.write("touch.npz")
-    >>> dermatome.ray.episodes(["touch.npz"])
-    [{'path': '/home/me/touch.npz', 'episode': 0, 'file': 'touch.000000'}]
+    >>> [(episode["episode"], episode["file"]) for episode in dermatome.ray.episodes(["touch.npz"])]
+    [(0, 'touch.000000')]
     """
     made: list[dict[str, Any]] = []
     known: dict[str, str] = {}
