@@ -100,12 +100,6 @@ macro_rules! kinds {
             }
         }
 
-        $($(#[$gate])? impl $error {
-            /// The name of the variant in snake case; see [`Error::kind`](crate::Error::kind).
-            pub fn kind(&self) -> &'static str {
-                self.into()
-            }
-        })*
     };
 }
 
@@ -134,6 +128,14 @@ kinds!(
     Plot(crate::plot::PlotError),
     #[cfg(feature = "plot")]
     Pattern(crate::pattern::PatternError),
+);
+
+dermatome_core::kinds!(
+    crate::io::IoError,
+    #[cfg(feature = "plot")]
+    crate::plot::PlotError,
+    #[cfg(feature = "plot")]
+    crate::pattern::PatternError,
 );
 
 #[cfg(test)]

@@ -27,34 +27,14 @@
 //! depend on the number of threads.
 #![warn(missing_docs, clippy::print_stdout, clippy::unwrap_used)]
 
-pub mod id;
-mod parallel;
-pub mod run;
-mod numeric;
-pub mod least_squares;
-pub mod mesh;
-mod nearest;
-pub mod skin;
+pub use dermatome_core::{
+    atlas, body, calib, contact, cut, design, diff, flatten, id, image, least_squares, map, mesh, pyramid,
+    registration, response, run, signal, skin, touches, unfold,
+};
+use dermatome_core::{delaunay, numeric, parallel, sparse};
 #[cfg(feature = "robots")]
-pub mod robot;
-#[cfg(feature = "robots")]
-pub mod remesh;
-pub mod design;
-pub mod calib;
-pub mod diff;
-pub mod cut;
-pub mod pyramid;
-pub mod flatten;
-pub mod body;
-pub mod map;
-pub mod registration;
-pub mod atlas;
-pub mod unfold;
-pub mod signal;
-pub mod response;
-pub mod touches;
-pub mod image;
-pub mod contact;
+pub use dermatome_core::{remesh, robot};
+
 pub mod io;
 #[cfg(feature = "plot")]
 pub mod plot;
@@ -69,9 +49,6 @@ pub mod pipeline;
 
 pub use calib::{Calibration, Observations, calibrate};
 pub use contact::{Cell, ContactIndex, Hit, Hits, MapIndex, Query};
-use dermatome_bvh as bvh;
-use dermatome_delaunay as delaunay;
-use dermatome_sparse as sparse;
 pub use error::Error;
 pub use io::{read_draft, read_map, write_map};
 pub use map::SkinMap;

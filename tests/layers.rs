@@ -6,6 +6,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
+/// The folders of the library: what computes, and the rest.
+const ROOTS: [&str; 2] = ["crates/core/src", "src"];
+
 /// The modules of the library; each may name only those before it.
 #[rustfmt::skip]
 const MODULES: &[&str] = &[
@@ -14,12 +17,13 @@ const MODULES: &[&str] = &[
     "report", "error", "recording", "page", "pipeline",
 ];
 
-/// The outside crates, and the folders and files, by the beginning of their path in `src`, that may use them.
+/// The outside crates, and the folders and files, by the beginning of their path in one of the [`ROOTS`], that may use them.
 const DOORS: &[(&str, &[&str])] = &[
     ("glam rayon strum thiserror", &[""]),
     ("libm", &["calib", "numeric", "touches"]),
     ("rand_pcg", &["numeric"]),
     ("dermatome_bvh dermatome_delaunay dermatome_sparse", &["lib.rs"]),
+    ("dermatome_core", &["lib.rs", "error.rs"]),
     ("gltf", &["io/gltf"]),
     ("exr", &["io/image"]),
     ("base64", &["io/gltf", "page", "plot/picture/svg.rs"]),
@@ -141,6 +145,12 @@ fn read_sources(root: &str) -> Vec<Source> {
     }
     files.sort();
     files.iter().map(|path| Source::read(root, path)).collect()
+}
+
+/// The files of the library and the command. The root of the core, which only passes on its modules, is not among them.
+fn sources_of_library() -> Vec<Source> {
+    let [core, rest] = ROOTS.map(read_sources);
+    core.into_iter().filter(|source| source.path != "lib.rs").chain(rest).collect()
 }
 
 /// The text without comments and with empty strings, and the strings.
@@ -280,7 +290,7 @@ fn modules_name_only_those_before_them() {
     let rank = |module: &str| {
         MODULES.iter().position(|m| *m == module).unwrap_or_else(|| panic!("{module:?} is not in MODULES"))
     };
-    let sources = read_sources("src");
+    let sources = sources_of_library();
     let graph = Files::new(&sources).graph();
     let top = |path: &str| sources.iter().find(|s| s.path == path).unwrap().top();
     for source in sources.iter().filter(|s| !s.is_command() && !s.module.is_empty()) {
@@ -293,15 +303,17 @@ fn modules_name_only_those_before_them() {
 
 #[test]
 fn outside_crates_are_used_behind_their_doors() {
-    let manifest = fs::read_to_string("Cargo.toml").unwrap();
-    let sections = manifest.split("\n[").filter(|section| section.contains("dependencies]\n"));
-    for line in sections.filter(|section| !section.starts_with("dev-")).flat_map(|s| s.lines().skip(1)) {
+    let manifests = ["Cargo.toml", "crates/core/Cargo.toml"].map(|file| fs::read_to_string(file).unwrap());
+    let sections = manifests.iter().flat_map(|manifest| manifest.split("\n["));
+    let sections =
+        sections.filter(|section| section.contains("dependencies]\n") && !section.starts_with("dev-"));
+    for line in sections.flat_map(|section| section.lines().skip(1)) {
         let name = line.split('=').next().unwrap_or_default().trim().replace('-', "_");
         let listed = name.is_empty() || name.starts_with('#') || doors().any(|(c, _)| c == name);
         assert!(listed, "{name} is not in DOORS");
     }
     let mut broken = Vec::new();
-    for source in read_sources("src") {
+    for source in sources_of_library() {
         for (outside, doors) in doors() {
             if !doors.iter().any(|door| source.path.starts_with(door)) && source.uses(outside) {
                 broken.push(format!("{outside} is used behind {doors:?} alone, not in {}", source.path));
@@ -326,7 +338,7 @@ const FOUNDATIONS: &[(&str, Option<&str>)] = &[
 /// a file that does.
 #[test]
 fn foundations_are_reached_by_build_lookup_or_render() {
-    let sources = read_sources("src");
+    let sources = sources_of_library();
     let is_start = |s: &&Source| {
         s.is_command() && s.module.get(1).is_some_and(|m| ["build", "lookup", "render"].contains(&m.as_str()))
     };
@@ -355,7 +367,7 @@ fn foundations_are_reached_by_build_lookup_or_render() {
 
 #[test]
 fn files_do_not_import_each_other_in_a_circle() {
-    let sources = read_sources("src");
+    let sources = sources_of_library();
     let graph = Files::new(&sources).graph();
     let is_in_circle = |path: &&&str| reached([**path].into_iter(), &graph).contains(**path);
     let found: BTreeMap<_, _> = graph.keys().filter(is_in_circle).map(|path| (path, &graph[path])).collect();
@@ -364,7 +376,7 @@ fn files_do_not_import_each_other_in_a_circle() {
 
 #[test]
 fn only_the_command_names_its_options() {
-    let sources = read_sources("src");
+    let sources = sources_of_library();
     let commands = sources.iter().filter(|s| s.is_command() && s.module.len() == 2).map(|s| &s.module[1]);
     let names: Vec<String> = commands.flat_map(|c| [format!("dermatome {c}"), format!("`{c}`")]).collect();
     let is_option = |text: &str| {
@@ -383,7 +395,7 @@ fn only_the_command_names_its_options() {
 
 #[test]
 fn every_file_says_what_it_is_for() {
-    let sources = read_sources("src");
+    let sources = sources_of_library();
     let silent = sources.iter().filter(|s| !s.text.starts_with("//!"));
     let silent: Vec<&str> = silent.map(|s| s.path.as_str()).collect();
     assert!(silent.is_empty(), "these files do not open with `//!`: {silent:?}");
@@ -410,9 +422,13 @@ fn references_are_those_that_the_code_cites() {
     let entries = references.lines().filter_map(|line| line.strip_prefix("- **"));
     let listed: BTreeSet<String> =
         entries.filter_map(|line| line.split("**").next()).map(str::to_owned).collect();
-    let roots = ["src", "crates/bvh/src", "crates/delaunay/src", "crates/sparse/src"];
-    let cited: BTreeSet<String> =
-        roots.into_iter().flat_map(read_sources).flat_map(|source| keys_cited(&source.text)).collect();
+    let roots = ["crates/bvh/src", "crates/delaunay/src", "crates/sparse/src"];
+    let cited: BTreeSet<String> = ROOTS
+        .into_iter()
+        .chain(roots)
+        .flat_map(read_sources)
+        .flat_map(|source| keys_cited(&source.text))
+        .collect();
     assert!(cited.len() > 20, "{cited:?}");
     assert_eq!(listed, cited, "left: in REFERENCES.md, right: in the code");
 }
