@@ -105,6 +105,43 @@ fn two_skins_have_one_image() {
     assert_eq!(finest("few").uv, finest("skin").uv, "the other patch is as before");
 }
 
+/// Patches may share ids: then the table says in which one a taxel is. Landmarks have the names that it gives them.
+#[test]
+fn landmarks_of_patches_that_share_ids_name_the_patch() {
+    let folder = folder();
+    let at = folder.path();
+    let mut skin = read_map(&at.join("skin/map.glb")).unwrap().skin();
+    skin.patches[PatchId::new(1)].taxels.ids.iter_mut().for_each(|id| id.0 -= 1000);
+    write_skin(&at.join("shared.glb"), &skin).unwrap();
+    let build = "build shared.glb -o shared --atlas other/map.glb --landmarks";
+    refuses(at, &format!("{build} places.csv"), &["line 2", "taxel_id", "1", "not of 2"]);
+    let places = fs::read_to_string(at.join("places.csv")).unwrap();
+    let table: Vec<String> = places
+        .lines()
+        .enumerate()
+        .map(|(k, line)| match line.split_once(',').unwrap() {
+            _ if k == 0 => format!("name,patch,atlas_patch,{line}"),
+            (id, other) if id.len() > 3 => {
+                format!("n{k},right,,{},{other}", &id[1..].trim_start_matches('0'))
+            }
+            _ => format!("n{k},left,palm,{line}"),
+        })
+        .collect();
+    fs::write(at.join("named.csv"), table.join("\n") + "\n").unwrap();
+    dermatome(at, &format!("{build} named.csv")).assert().success();
+    let uv = |map: &str| {
+        let map = read_map(&at.join(map).join("map.glb")).unwrap();
+        map.patches.iter().map(|patch| patch.levels[LevelId::new(0)].uv.clone()).collect::<Vec<_>>()
+    };
+    assert!(uv("shared") == uv("skin"), "the same landmarks");
+    let wrong = table.join("\n").replace("n3,left", "n3,middle");
+    fs::write(at.join("named.csv"), wrong).unwrap();
+    refuses(at, &format!("{build} named.csv"), &["line 4", "patch", "middle"]);
+    let twice = table.join("\n") + "\nthumb,left,,1,2\n";
+    fs::write(at.join("named.csv"), twice).unwrap();
+    refuses(at, &format!("{build} named.csv"), &["(\"n1\")", "(\"thumb\")", "one place"]);
+}
+
 #[test]
 fn what_does_not_fit_is_refused() {
     let folder = folder();

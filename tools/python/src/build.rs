@@ -192,7 +192,7 @@ pub(crate) fn build(
     let made = run(py, count("threads", threads)?, move |stop| -> Result<_, dermatome::Error> {
         let mut options = options;
         if let Some(onto) = onto.as_ref().filter(|_| options.cut == Cut::Auto) {
-            let landmarks = onto.landmarks(skin.patches.iter().map(|patch| &patch.taxels))?;
+            let landmarks = onto.landmarks(skin.patches.iter().map(|patch| (&*patch.name, &patch.taxels)))?;
             let seams = carried_seams(&skin, &onto.atlas, &landmarks)?;
             if !seams.is_empty() {
                 options.cut = Cut::Along(seams);
@@ -268,12 +268,14 @@ impl OnAtlas {
     /// What is the same on the atlas and on a skin with these patches.
     fn landmarks<'a>(
         &self,
-        own: impl IntoIterator<Item = &'a Taxels>,
+        own: impl IntoIterator<Item = (&'a str, &'a Taxels)>,
     ) -> Result<Landmarks, dermatome::Error> {
         Ok(match &self.landmarks {
             LandmarksArg::Regions => Landmarks::Regions,
             LandmarksArg::File(path) => Landmarks::Taxels(read_landmarks(path, own, &self.atlas)?.rows),
-            LandmarksArg::Ids(pairs) => Landmarks::of_ids(own, &self.atlas, pairs)?,
+            LandmarksArg::Ids(pairs) => {
+                Landmarks::of_ids(own.into_iter().map(|(_, taxels)| taxels), &self.atlas, pairs)?
+            }
         })
     }
 
@@ -286,7 +288,7 @@ impl OnAtlas {
     ) -> Result<Vec<String>, dermatome::Error> {
         let atlas = &*self.atlas;
         let map = Arc::clone(&built.map);
-        let landmarks = self.landmarks(map.patches.iter().map(|patch| &patch.taxels))?;
+        let landmarks = self.landmarks(map.patches.iter().map(|patch| (&*patch.name, &patch.taxels)))?;
         let name = atlas.patches.iter().next().map_or("", |patch| &patch.name);
         let (hash, is_mirrored) = (map_hash(atlas)?, self.is_mirrored);
         let onto = Onto { atlas, name, hash, landmarks: &landmarks, is_mirrored };

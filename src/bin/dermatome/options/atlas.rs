@@ -13,7 +13,7 @@ use dermatome::skin::{Skin, Taxels};
 
 use crate::console::errors::advise;
 use crate::console::notes::{note, note_columns};
-use crate::console::print::plain;
+use crate::console::print::{plain, plain_sentence};
 use crate::options::Common;
 use crate::options::paths::{InPath, LandmarkSource, landmark_source};
 
@@ -52,7 +52,7 @@ impl AtlasArgs {
         common: &Common,
     ) -> anyhow::Result<Option<Cut>> {
         let common = Common { quiet: true, ..common.clone() };
-        let own = skin.patches.iter().map(|patch| &patch.taxels);
+        let own = skin.patches.iter().map(|patch| (&*patch.name, &patch.taxels));
         let Some(landmarks) = self.landmarks(own, atlas, &common)? else { return Ok(None) };
         let seams = carried_seams(skin, &atlas.map, &landmarks).map_err(Error::from)?;
         Ok((!seams.is_empty()).then_some(Cut::Along(seams)))
@@ -61,7 +61,7 @@ impl AtlasArgs {
     /// What is the same on the atlas and on a skin with these patches.
     fn landmarks<'a>(
         &self,
-        own: impl IntoIterator<Item = &'a Taxels>,
+        own: impl IntoIterator<Item = (&'a str, &'a Taxels)>,
         atlas: &AtlasMap,
         common: &Common,
     ) -> anyhow::Result<Option<Landmarks>> {
@@ -86,7 +86,7 @@ impl AtlasArgs {
         common: &Common,
     ) -> anyhow::Result<()> {
         let map = Arc::clone(&built.map);
-        let own = map.patches.iter().map(|patch| &patch.taxels);
+        let own = map.patches.iter().map(|patch| (&*patch.name, &patch.taxels));
         let Some(landmarks) = self.landmarks(own, atlas, common)? else { return Ok(()) };
         if landmarks == Landmarks::Regions {
             for (map, whose) in [(&*map, "the skin"), (&atlas.map, "the atlas")] {
@@ -116,7 +116,7 @@ fn atlas_name(path: &Path) -> String {
 }
 
 fn note_registered(registered: &Registered, common: &Common) {
-    registered.remarks().iter().for_each(|remark| note!(common, "{}", plain(remark)));
+    registered.remarks().iter().for_each(|remark| note!(common, "{}", plain_sentence(remark)));
     for patch in &registered.patches {
         let RegisteredPatch { atlas, landmarks, scale, missed, steps, .. } = patch;
         let (name, atlas, missed_mm) = (plain(&patch.name), plain(atlas), 1e3 * missed);
