@@ -7,6 +7,7 @@ mod carried_places;
 mod error;
 mod fields;
 mod frame;
+mod on_atlas;
 mod regions;
 
 use std::borrow::Cow;
@@ -30,6 +31,7 @@ pub(crate) use carried_places::{CarriedRow, carried_places, carried_rows};
 pub use error::MapError;
 pub use frame::ImageFrame;
 pub(crate) use frame::PixelGrid;
+pub use on_atlas::{OnAtlas, OnPatch};
 pub use regions::{FieldRegions, RegionId, Regions};
 
 /// One level of a patch with its map.
@@ -169,8 +171,8 @@ pub struct PatchMap {
     pub taxels: Taxels,
     /// The levels, finest first; at least one.
     pub levels: IdVec<LevelId, MapLevel>,
-    /// The patch of the [atlas](SkinMap::atlas) that it lies on, if there is one.
-    pub atlas: Option<String>,
+    /// Where it lies on the [atlas](SkinMap::atlas), if there is one.
+    pub atlas: Option<OnPatch>,
 }
 
 impl PatchMap {
@@ -197,7 +199,7 @@ impl PatchMap {
 
     /// Name of the patch on whose map it is drawn: of the [atlas](SkinMap::atlas), or its own.
     pub fn plane(&self) -> &str {
-        self.atlas.as_deref().unwrap_or(&self.name)
+        self.atlas.as_ref().map_or(&self.name, |on| &on.patch)
     }
 
     /// That level, or the coarsest one of this patch if there is no such level.
@@ -358,17 +360,6 @@ pub struct SkinMap {
     pub body: Body,
     /// The map of another skin that this one is drawn on, if there is one.
     pub atlas: Option<OnAtlas>,
-}
-
-/// On which map of another skin a map is drawn: its positions are those of the other one.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct OnAtlas {
-    /// Name of the other map, for people.
-    pub name: String,
-    /// [Hash](crate::io::map_hash) of the other map.
-    pub hash: u64,
-    /// Whether it lies on the mirror image of the other map, `u` for `-u`: the skin is that of the other hand.
-    pub is_mirrored: bool,
 }
 
 impl SkinMap {

@@ -34,6 +34,7 @@ use crate::page::skin::{LinkHeader, PatchHeader, pack_patch, sheet_offsets};
 use crate::plot::{Paint, PlotOptions, plot_map};
 use crate::pyramid::LevelId;
 use crate::recording::Recording;
+use crate::report::atlas_sentences;
 use crate::signal::TrackerOptions;
 use crate::skin::link_names;
 use crate::unfold::Unfolding;
@@ -246,6 +247,8 @@ fn numbers(map: &SkinMap) -> String {
         }
     }
     table.push_str("</tbody></table>");
+    let sentences = atlas_sentences(map);
+    table.extend(sentences.iter().map(|sentence| format!("<p>{}</p>", escape(sentence))));
     table
 }
 

@@ -59,7 +59,7 @@ fn two_skins_have_one_image() {
     let map = read_map(&at.join("skin/map.glb")).unwrap();
     let on = map.atlas.as_ref().unwrap();
     assert_eq!((on.name.as_str(), on.is_mirrored), ("other", false));
-    assert!(map.patches.iter().all(|patch| patch.atlas.as_deref() == Some("palm")));
+    assert!(map.patches.iter().all(|patch| patch.atlas.as_ref().is_some_and(|on| on.patch == "palm")));
     for map in ["skin", "other"] {
         let readings = if map == "skin" { "touch.csv" } else { "carried.csv" };
         if map == "other" {
@@ -101,7 +101,8 @@ fn two_skins_have_one_image() {
     let run =
         dermatome(at, "build skin.glb -o few --atlas other/map.glb --landmarks few.csv").assert().success();
     let said = String::from_utf8(run.get_output().stderr.clone()).unwrap();
-    assert!(said.contains("right: left out: it has 2 landmarks"), "{said}");
+    let needed = "right: left out: it has 2 landmarks, and four are needed to place it on the atlas\n";
+    assert!(said.contains(needed), "{said}");
     assert_eq!(finest("few").uv, finest("skin").uv, "the other patch is as before");
 }
 
@@ -140,6 +141,35 @@ fn landmarks_of_patches_that_share_ids_name_the_patch() {
     let twice = table.join("\n") + "\nthumb,left,,1,2\n";
     fs::write(at.join("named.csv"), twice).unwrap();
     refuses(at, &format!("{build} named.csv"), &["(\"n1\")", "(\"thumb\")", "one place"]);
+}
+
+/// A map on an atlas says so, and by what.
+#[test]
+fn a_map_says_its_atlas() {
+    let folder = folder();
+    let at = folder.path();
+    let said = String::from_utf8(dermatome(at, "info skin/map.glb").output().unwrap().stdout).unwrap();
+    for part in
+        ["on the map of other\n", "left: on its patch palm by 5 landmarks; symmetric Dirichlet energy"]
+    {
+        assert!(said.contains(part), "{said}");
+    }
+    let info = json(&dermatome(at, "info skin/map.glb --json").output().unwrap().stdout);
+    let report = json(&fs::read(at.join("skin/report.json")).unwrap());
+    for of in [&info, &report] {
+        assert_eq!((&of["atlas"]["name"], &of["atlas"]["mirrored"]), (&"other".into(), &false.into()));
+        let on = &of["patches"][1]["atlas"];
+        assert_eq!((&on["patch"], &on["landmarks"], &on["left_out"]), (&"palm".into(), &5.into(), &0.into()));
+        assert!(on["free_dirichlet"].as_f64().unwrap() >= 4.0);
+    }
+    let bent = &report["patches"][0]["levels"][0]["symmetric_dirichlet"];
+    assert_eq!(&info["patches"][0]["atlas"]["symmetric_dirichlet"], bent);
+    assert!(fs::read_to_string(at.join("skin/report.html")).unwrap().contains("<p>on the map of other</p>"));
+    assert!(
+        !String::from_utf8(dermatome(at, "info other/map.glb").output().unwrap().stdout)
+            .unwrap()
+            .contains("on the map")
+    );
 }
 
 #[test]

@@ -10,7 +10,7 @@ use dermatome::Error;
 use dermatome::atlas::skin_images;
 use dermatome::cut::Cut;
 use dermatome::io::{Outputs, write_images, write_map};
-use dermatome::map::SkinMap;
+use dermatome::map::{OnAtlas, SkinMap};
 use dermatome::page::Page;
 use dermatome::pipeline::{BuildOptions, Built, Enlarged, MagnifyOver, build_with};
 use dermatome::pyramid::LevelId;
@@ -151,6 +151,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let report = Report {
         version: env!("CARGO_PKG_VERSION"),
         input: names(&args.skin).display().to_string(),
+        atlas: built.map.atlas.clone(),
         patches: measure(&built.map),
     };
     let timings = Timings {
@@ -261,6 +262,9 @@ struct Report {
     version: &'static str,
     /// The file it was made from.
     input: String,
+    /// The map of another skin that it is drawn on.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    atlas: Option<OnAtlas>,
     patches: Vec<PatchReport>,
 }
 

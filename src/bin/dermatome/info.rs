@@ -8,6 +8,7 @@ use dermatome::io::IoError;
 use dermatome::map::{RegionId, SkinMap};
 use dermatome::mesh::{Adjacency, mean_edge_length};
 use dermatome::pyramid::{LevelId, Prolongation};
+use dermatome::report::atlas_sentences;
 use dermatome::robot::{Joint, Robot, Role};
 use dermatome::skin::{Link, LinkId, Motion, Patch, PatchId, Presence, Skin, link_names};
 use glam::{DAffine3, DQuat};
@@ -15,7 +16,7 @@ use serde_json::{Value, json};
 
 use crate::console::errors;
 use crate::console::notes::note;
-use crate::console::print::{plain, print, print_gaps, print_json, print_table};
+use crate::console::print::{plain, plain_sentence, print, print_gaps, print_json, print_table};
 use crate::files::input::{gaps_as_json, gaps_of, read_map_if_any, read_skin};
 use crate::options::{Common, InPath, JointsArg, PatchArgs, ReadArgs, RobotArgs, joints};
 
@@ -73,6 +74,15 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         if !gaps.is_empty() {
             all["gaps"] = gaps_as_json(&gaps);
         }
+        if let Some(map) = map.as_ref().filter(|map| map.atlas.is_some()) {
+            all["atlas"] = json!(map.atlas);
+            let patches = all["patches"].as_array_mut().into_iter().flatten();
+            for (row, patch) in patches.zip(&map.patches) {
+                row["atlas"] = json!(patch.atlas);
+                row["atlas"]["symmetric_dirichlet"] =
+                    json!(patch.levels[LevelId::new(0)].distortion.symmetric_dirichlet);
+            }
+        }
         if let Some(map) = map.as_ref().filter(|map| !map.body.levels.is_empty()) {
             let object = |(level, regions)| json!({ "level": level, "fields": Vec::len(&regions), "regions": regions });
             all["body_levels"] = body_levels(map).into_iter().map(object).collect();
@@ -98,6 +108,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         let rows: Vec<_> = rows.iter().map(|row| row.each_ref().map(|(name, x)| (*name, cell(x)))).collect();
         print_table(2, &rows)?;
         print_gaps(&gaps)?;
+        let sentences = map.iter().flat_map(atlas_sentences);
+        sentences.into_iter().try_for_each(|sentence| print(&format!("{}\n", plain_sentence(&sentence))))?;
         map.iter().try_for_each(print_body_levels)?;
         for (patch, name, sensors, fields) in modalities(map.as_ref(), &skin) {
             let levels: Vec<String> = fields.iter().map(ToString::to_string).collect();

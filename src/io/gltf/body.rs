@@ -21,16 +21,7 @@ struct DocumentExtras {
     #[serde(skip_serializing_if = "Option::is_none")]
     body: Option<BodyExtras>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    atlas: Option<AtlasExtras>,
-}
-
-/// An [`OnAtlas`].
-#[derive(Debug, Serialize, Deserialize)]
-struct AtlasExtras {
-    name: String,
-    /// In hexadecimal.
-    hash: String,
-    mirrored: bool,
+    atlas: Option<OnAtlas>,
 }
 
 #[derive(Debug, Serialize, Deserialize)]
@@ -68,11 +59,7 @@ struct BodyLevelExtras {
 
 /// Writes the body, if it is not empty, and the atlas, if there is one.
 pub(super) fn write_extras(writer: &mut SceneWriter<'_>, map: &SkinMap) -> Result<()> {
-    let atlas = map.atlas.as_ref().map(|on| AtlasExtras {
-        name: on.name.clone(),
-        hash: format!("{:016x}", on.hash),
-        mirrored: on.is_mirrored,
-    });
+    let atlas = map.atlas.clone();
     let body = (map.body != Body::default()).then(|| body_extras(writer, map));
     if body.is_some() || atlas.is_some() {
         writer.root.extras = writer.extras(&DocumentExtras { body, atlas })?;
@@ -137,11 +124,7 @@ fn read_atlas(document: &Document, extras: serde_json::Value) -> Result<OnAtlas>
             "name, hash of 16 hexadecimal digits and mirrored, true or false",
         )
     };
-    let AtlasExtras { name, hash, mirrored } =
-        AtlasExtras::deserialize(extras).map_err(|e| invalid(e.to_string()))?;
-    let digits = u64::from_str_radix(&hash, 16).ok().filter(|_| hash.len() == 16);
-    let hash = digits.ok_or_else(|| invalid(format!("hash {hash:?}")))?;
-    Ok(OnAtlas { name, hash, is_mirrored: mirrored })
+    OnAtlas::deserialize(extras).map_err(|e| invalid(e.to_string()))
 }
 
 fn read_body(document: &Document, extras: Option<serde_json::Value>) -> Result<Body> {
