@@ -3,13 +3,14 @@
 use glam::{DVec2, DVec3};
 use serde::Serialize;
 
+use crate::Error;
 use crate::cut::PlaceId;
 use crate::id::{IdVec, VertexId};
 use crate::map::{PatchMap, RegionId, SkinMap};
 use crate::mesh::rectangle_around;
 use crate::page::pack::{PackedRows, Packer, Region, Values, share};
 use crate::pyramid::LevelId;
-use crate::skin::{Covariance, PatchId, Presence, world_pose};
+use crate::skin::{Covariance, PatchId, Presence, link_names, world_pose};
 use crate::unfold::{Unfolding, origins};
 
 /// Space between the maps of patches on the sheet, as a share of the side of all of them.
@@ -18,15 +19,24 @@ const GAP: f64 = 0.03;
 /// Intended width over height of the sheet.
 const ASPECT: f64 = 0.8;
 
+/// A skin and its map.
 #[derive(Debug, Serialize)]
-pub(super) struct LinkHeader {
-    pub(super) name: String,
-    pub(super) parent: Option<usize>,
+pub(super) struct SkinHeader {
+    links: Vec<LinkHeader>,
+    patches: Vec<PatchHeader>,
+    /// The names of the regions, which patches count from 1 on.
+    regions: Vec<String>,
+}
+
+#[derive(Debug, Serialize)]
+struct LinkHeader {
+    name: String,
+    parent: Option<usize>,
 }
 
 /// A patch: numbers, and the indices of its arrays.
 #[derive(Debug, Serialize)]
-pub(super) struct PatchHeader {
+struct PatchHeader {
     name: String,
     link: usize,
     taxels: usize,
@@ -67,8 +77,25 @@ struct LevelHeader {
     direct: Option<PackedRows>,
 }
 
+/// Packs a map.
+///
+/// # Errors
+/// If the system of an unfolding does not fit into memory.
+pub(super) fn pack_skin(packer: &mut Packer, map: &SkinMap) -> Result<SkinHeader, Error> {
+    let (offsets, regions) = (sheet_offsets(map), map.regions());
+    let mut patches = Vec::new();
+    for ((patch, of_taxels), offset) in map.patches.iter().zip(&regions.of_taxels).zip(offsets) {
+        let unfolding = Unfolding::new(patch).map_err(|e| Error::from(e).in_patch(&patch.name))?;
+        patches.push(pack_patch(packer, map, patch, (&unfolding, of_taxels), offset));
+    }
+    let links = map.links.iter().zip(link_names(&map.links));
+    let links =
+        links.map(|(link, name)| LinkHeader { name, parent: link.parent.map(|p| p.index()) }).collect();
+    Ok(SkinHeader { links, patches, regions: regions.names.iter().map(ToString::to_string).collect() })
+}
+
 /// Packs a patch and the regions of its taxels; its map lies at `offset` on the sheet.
-pub(super) fn pack_patch(
+fn pack_patch(
     packer: &mut Packer,
     map: &SkinMap,
     patch: &PatchMap,
@@ -177,7 +204,7 @@ fn pack_level(packer: &mut Packer, patch: &PatchMap, id: LevelId) -> LevelHeader
 }
 
 /// The offset of the map of each patch on the sheet, in m: on shelves, in their order.
-pub(super) fn sheet_offsets(map: &SkinMap) -> IdVec<PatchId, DVec2> {
+fn sheet_offsets(map: &SkinMap) -> IdVec<PatchId, DVec2> {
     let boxes = map.patches.map(|patch| {
         let uv = &patch.levels[LevelId::default()].uv;
         rectangle_around(uv.iter().copied())

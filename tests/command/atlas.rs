@@ -172,6 +172,19 @@ fn a_map_says_its_atlas() {
     );
 }
 
+/// A page of two skins, which takes landmarks.
+#[test]
+fn a_page_shows_the_skin_and_its_atlas() {
+    let folder = folder();
+    let at = folder.path();
+    dermatome(at, "report skin/map.glb --atlas other/map.glb -o page.html -q").assert().success();
+    dermatome(at, "report skin/map.glb -o alone.html -q").assert().success();
+    let size = |name: &str| fs::metadata(at.join(name)).unwrap().len();
+    assert!(size("page.html") > size("alone.html") + 500, "the data of both");
+    refuses(at, "report skin/map.glb --atlas other.glb -o x.html", &["other.glb"]);
+    refuses(at, "report skin/map.glb --atlas other/map.glb --live", &["--atlas", "--live"]);
+}
+
 #[test]
 fn what_does_not_fit_is_refused() {
     let folder = folder();

@@ -25,9 +25,11 @@ export interface RecordingHeader {
   channel: string; unit: string; is_amount: boolean; lo: number; hi: number; force: boolean;
   times: number[]; cuts: number[]; totals: number[]; values: number[]; contacts: Contact[]; parts?: Part[]; events: EventRow[]; threshold: number | null; is_live: boolean;
 }
-export interface Header {
-  version: string; title: string; links: { name: string; parent: number | null }[];
-  patches: PatchHeader[]; regions: string[]; recording: RecordingHeader | null; arrays: [number, number, number][];
+export interface SkinHeader { links: { name: string; parent: number | null }[]; patches: PatchHeader[]; regions: string[] }
+export interface Header extends SkinHeader {
+  version: string; title: string; recording: RecordingHeader | null; arrays: [number, number, number][];
+  /** The skin that landmarks lead to. */
+  atlas: (SkinHeader & { name: string }) | null;
 }
 export type Numbers = Uint8Array | Uint16Array | Uint32Array;
 

@@ -3,11 +3,12 @@
 import { CATEGORIES, UNKNOWN, colour, figures, mix, paint, paintNames, recordingPaint, type Paint } from './colours';
 import { load, type Contact, type Data, type EventRow, type Part, type RecordingHeader } from './data';
 import { EventStrip } from './events';
-import { Grid, nearest } from './grid';
+import { Landmarks } from './landmarks';
 import { addEvents, append, listen, type LiveFrame } from './live';
-import { Patch } from './patch';
+import type { Patch } from './patch';
 import { crossesItself, patchNear, taxelsIn, toJson, type Region } from './regions';
-import { View } from './view';
+import { Stage, type Taxel } from './stage';
+import type { View } from './view';
 
 const byId = <T extends HTMLElement>(id: string): T => document.getElementById(id) as T;
 const text = (tag: string, content: string, className = ''): HTMLElement => {
@@ -17,7 +18,6 @@ const text = (tag: string, content: string, className = ''): HTMLElement => {
   return element;
 };
 
-interface Taxel { patch: number; taxel: number }
 /** A box in the frame of a link, by its lower and its upper corner, in m. */
 interface Box { link: number; low: number[]; high: number[] }
 /** Frame of contacts by number: `[frame, track, event, patch, taxels, area, force, u, v, peak]`. */
@@ -25,10 +25,11 @@ const [TRACK, EVENT, PATCH, TAXELS, AREA, FORCE, U, V, PEAK] = [1, 2, 3, 4, 5, 6
 const RELEASE = 2;
 
 class Page {
+  readonly stage: Stage;
   readonly patches: Patch[];
   readonly view: View;
-  readonly sheet: [number, number];
-  private gridMade: Grid | null = null;
+  /** The landmarks that lead to another skin, if it is on the page. */
+  readonly landmarks: Landmarks | null = null;
   private paints: Paint;
   private hovered: Taxel | null = null;
   private pinned: Taxel | null = null;
@@ -53,17 +54,12 @@ class Page {
   private queued = true;
   private isRecolouring = true;
   private isRelighting = true;
-  private readonly overlay = byId<HTMLCanvasElement>('overlay');
-  private readonly stage = byId('stage');
 
   constructor(readonly data: Data) {
     const { header } = data;
-    this.patches = header.patches.map((patch) => new Patch(data, patch));
-    this.sheet = [0, 1].map((a) => this.patches.reduce((most, p) => {
-      for (let k = a; k < p.sheet.length; k += 2) if (p.sheet[k] > most) most = p.sheet[k];
-      return most;
-    }, 1e-9)) as [number, number];
-    this.view = new View(byId<HTMLCanvasElement>('canvas'), this.patches, this.sheet);
+    this.stage = new Stage(data, header.patches, '');
+    ({ patches: this.patches, view: this.view } = this.stage);
+    if (header.atlas) this.landmarks = new Landmarks(data, this.stage, () => this.invalidate());
     if (header.recording && !header.recording.is_live) this.readRecording();
     this.paints = paint('plain', this.patches, 0, []);
     this.controls();
@@ -72,25 +68,14 @@ class Page {
     this.setTheme(document.documentElement.dataset.theme ?? (matchMedia('(prefers-color-scheme: dark)').matches ? 'dark' : 'light'));
     // Called at once, before the first picture: nothing is drawn twice.
     if (header.recording?.is_live) this.listen(header.recording);
-    new ResizeObserver(() => this.resize()).observe(this.stage);
+    new ResizeObserver(() => this.resize()).observe(this.stage.box);
   }
-
-  private get grid(): Grid { return (this.gridMade ??= new Grid(this.patches, this.sheet)); }
 
   // Drawing
 
   private resize(): void {
-    const box = this.stage.getBoundingClientRect();
-    const at = (id: string): { x: number; y: number; width: number; height: number } => {
-      const r = byId(id).getBoundingClientRect();
-      return { x: r.left - box.left, y: r.top - box.top, width: r.width, height: r.height };
-    };
-    this.view.skin = at('skin');
-    this.view.map = at('map');
-    const ratio = Math.min(2, devicePixelRatio || 1);
-    this.view.resize(box.width, box.height, ratio);
-    this.overlay.width = box.width * ratio;
-    this.overlay.height = box.height * ratio;
+    this.stage.resize();
+    this.landmarks?.stage.resize();
     this.queued = false;
     this.events?.layout();
     this.draw();
@@ -108,10 +93,12 @@ class Page {
     if (this.isRelighting) this.light();
     this.view.draw();
     this.drawOverlay();
+    this.landmarks?.draw();
   }
 
   private recolour(): void {
     this.isRecolouring = false;
+    this.landmarks?.paint(this.paints.name, this.level);
     this.patches.forEach((patch, k) => {
       colour(this.paints, patch, k, this.level, this.view.colours(k));
       this.view.coloursChanged(k);
@@ -144,13 +131,10 @@ class Page {
   }
 
   private drawOverlay(): void {
-    const c = this.overlay.getContext('2d')!;
-    const ratio = this.overlay.width / Math.max(1, this.overlay.clientWidth);
-    c.setTransform(ratio, 0, 0, ratio, 0, 0);
-    c.clearRect(0, 0, this.overlay.width, this.overlay.height);
+    const c = this.stage.cleared();
     const style = getComputedStyle(document.documentElement);
     const [ink, accent, back] = ['--ink', '--accent', '--view'].map((name) => style.getPropertyValue(name).trim());
-    this.scaleBar(c, ink);
+    this.stage.scaleBar(c, ink);
     if (this.paints.name === 'recording') this.drawContacts(c, accent, back);
     if (this.paints.name === 'recording') this.drawEvents(c, ink, back);
     if (this.frameDrawn) {
@@ -158,31 +142,10 @@ class Page {
       c.lineWidth = 1.5; c.strokeStyle = accent; c.strokeRect(left, top, right - left, bottom - top);
     }
     this.drawRegions(c, accent, back);
+    this.landmarks?.drawOwn(c, ink, accent, back);
     const at = this.chosen;
     if (!at || !this.view.isShown(at.patch)) return;
-    for (const isMap of [false, true]) for (const place of this.patches[at.patch].placesOf(at.taxel)) {
-      const [x, y] = this.view.toPixels(isMap, at.patch, [[place, 1]]);
-      if (!this.inside(isMap, x, y)) continue;
-      for (const [width, stroke] of [[5, back], [2.2, accent]] as [number, string][]) {
-        c.beginPath(); c.arc(x, y, 8, 0, 7); c.lineWidth = width; c.strokeStyle = stroke; c.stroke();
-      }
-    }
-  }
-
-  private inside(isMap: boolean, x: number, y: number): boolean {
-    const r = isMap ? this.view.map : this.view.skin;
-    return x >= r.x && y >= r.y && x <= r.x + r.width && y <= r.y + r.height;
-  }
-
-  private scaleBar(c: CanvasRenderingContext2D, ink: string): void {
-    const metres = this.view.metresPerPixel(true), { x, y, width, height } = this.view.map;
-    const longest = metres * Math.min(160, 0.4 * width), power = 10 ** Math.floor(Math.log10(longest));
-    const length = power * [5, 2, 1].find((k) => k * power <= longest)!;
-    const px = length / metres, right = x + width - 14, at = y + height - 14;
-    c.strokeStyle = c.fillStyle = ink; c.lineWidth = 1.5;
-    c.beginPath(); c.moveTo(right - px, at - 4); c.lineTo(right - px, at); c.lineTo(right, at); c.lineTo(right, at - 4); c.stroke();
-    c.font = '12px system-ui, "DejaVu Sans", sans-serif'; c.textAlign = 'right';
-    c.fillText(`${+(1000 * length).toPrecision(3)} mm`, right, at - 8);
+    this.stage.ring(c, at, [[5, back], [2.2, accent]]);
   }
 
   /** Centres of contacts with their numbers, and where they came from. */
@@ -230,7 +193,7 @@ class Page {
       for (const { word, contact } of shown) {
         if (!contact || !this.view.isShown(contact.patch)) continue;
         const to = this.pixelsOf(isMap, contact.patch, contact.to, contact.peak), from = this.pixelsOf(isMap, contact.patch, contact.from, contact.peak);
-        if (!to || !this.inside(isMap, ...to)) continue;
+        if (!to || !this.stage.inside(isMap, ...to)) continue;
         const [x, y] = to, angle = from ? Math.atan2(y - from[1], x - from[0]) : 0;
         const hasWay = contact.direction !== null && from && Math.hypot(x - from[0], y - from[1]) > 8;
         c.lineJoin = 'round';
@@ -254,7 +217,7 @@ class Page {
 
   /** The pixel of a place on the map of a patch; that of a taxel, if the place is on no triangle. */
   private pixelsOf(isMap: boolean, patch: number, [u, v]: [number, number], peak: number): [number, number] | null {
-    const of = this.patches[patch], [dx, dy] = of.header.offset, at = this.grid.find(u + dx, v + dy, 1e-2);
+    const of = this.patches[patch], [dx, dy] = of.header.offset, at = this.stage.grid.find(u + dx, v + dy, 1e-2);
     const places: [number, number][] = at && at.patch === patch ? [0, 1, 2].map((k) => [of.triangles[3 * at.face + k], at.weights[k]]) : [[peak, 1]];
     return this.view.toPixels(isMap, patch, places);
   }
@@ -388,7 +351,7 @@ class Page {
     let link: number | null = null;
     const low = [Infinity, Infinity, Infinity], high = low.map((x) => -x);
     for (let y = top; y <= bottom; y += step) for (let x = left; x <= right; x += step) {
-      const at = this.taxelAt(isMap, x, y);
+      const at = this.stage.taxelAt(isMap, x, y);
       if (!at || found.has(`${at.patch}:${at.taxel}`)) continue;
       const patch = this.patches[at.patch];
       link ??= patch.header.link;
@@ -504,8 +467,9 @@ class Page {
     const u = this.view.unfold, says = u === 0 ? 'the skin in space' : u === 1 ? 'the map' : `${Math.round(100 * u)} % unfolded`;
     byId('unfold-text').textContent = says;
     byId<HTMLInputElement>('unfold').setAttribute('aria-valuetext', says);
-    byId('skin-label').textContent = u === 0 ? 'skin' : says;
+    byId('skin-label').textContent = u > 0 ? says : this.landmarks ? this.data.header.title : 'skin';
     this.view.dropIds();
+    if (this.landmarks) { this.landmarks.stage.view.unfold = u; this.landmarks.stage.view.dropIds(); }
     this.invalidate();
     this.keep();
   }
@@ -686,23 +650,10 @@ class Page {
     step();
   }
 
-  /** The taxel under a pixel of a view. */
-  private taxelAt(isMap: boolean, x: number, y: number): Taxel | null {
-    const on = isMap ? this.view.mapAt(x, y) : this.view.sheetAt(x, y);
-    if (!on) return null;
-    let at = this.grid.find(on[0], on[1], isMap ? 1e-4 : 0.02);
-    if (!at && isMap) {
-      const m = this.view.metresPerPixel(true);
-      for (const [dx, dy] of [[3, 0], [-3, 0], [0, 3], [0, -3]]) at ??= this.grid.find(on[0] + dx * m, on[1] + dy * m);
-    }
-    if (!at || !this.view.isShown(at.patch)) return null;
-    const patch = this.patches[at.patch];
-    return { patch: at.patch, taxel: patch.taxelOf[nearest(patch, at)] };
-  }
-
   private hover(at: Taxel | null): void {
     if (at?.patch === this.hovered?.patch && at?.taxel === this.hovered?.taxel) return;
     this.hovered = at;
+    this.landmarks?.hover(at);
     this.isRelighting = true;
     this.invalidate();
   }
@@ -750,7 +701,14 @@ class Page {
     byId('draw-region').addEventListener('click', () => this.drawRegion(!this.drawing));
     byId('save-regions').addEventListener('click', () => this.saveRegions());
     byId('help-button').addEventListener('click', () => byId<HTMLDialogElement>('help').showModal());
-    for (const isMap of [false, true]) this.pointers(byId(isMap ? 'map' : 'skin'), isMap);
+    this.stage.steer({
+      hover: (at) => this.hover(at),
+      click: (isMap, x, y) => { if (isMap && this.drawing) this.addCorner(x, y); else if (this.landmarks) this.landmarks.clickOwn(isMap, x, y); else this.pin(this.stage.taxelAt(isMap, x, y)); },
+      choose: (isMap, rectangle) => this.choose(isMap, ...rectangle),
+      drawFrame: (rectangle) => { this.frameDrawn = rectangle; this.invalidate(); },
+      moved: () => this.invalidate(),
+      kept: () => this.keep(),
+    });
     addEventListener('keydown', (e) => this.key(e));
     addEventListener('beforeprint', () => this.print());
   }
@@ -767,86 +725,20 @@ class Page {
     else if (e.key === '-') this.setLevel(this.level + 1);
     else if (e.key === ' ' && !isField) this.play(!this.playing);
     else if (!this.live && (e.key === 'e' || e.key === 'E')) { const frame = this.events?.next(this.frame, e.key === 'E'); if (frame != null) { this.play(false); this.setFrame(frame); this.keep(); } }
-    else if (e.key === 'f' || e.key === 'r') { this.view.reset(); this.invalidate(); this.keep(); }
+    else if (e.key === 'f' || e.key === 'r') { this.view.reset(); this.landmarks?.stage.view.reset(); this.invalidate(); this.keep(); }
     else if (e.key === 'Enter' && this.drawing && !isField) this.closeRegion();
     else if (e.key === 'Backspace' && this.drawing && !isField) { this.drawing.corners.pop(); this.sayRegions(''); }
+    else if (!isField && this.landmarks?.key(e.key)) this.invalidate();
     else if (e.key === 'Escape') { if (this.drawing) this.drawRegion(false); this.hovered = null; this.setBox(null); this.pin(null); }
     else if (e.key === '?') byId<HTMLDialogElement>('help').showModal();
     else return;
     e.preventDefault();
   }
 
-  private pointers(box: HTMLElement, isMap: boolean): void {
-    const eye = isMap ? this.view.mapEye : this.view.skinEye, down = new Map<number, [number, number]>();
-    let moved = 0, corner: [number, number] | null = null;
-    const local = (e: MouseEvent): [number, number] => { const r = box.getBoundingClientRect(); return [e.clientX - r.left, e.clientY - r.top]; };
-    const zoom = (factor: number, [x, y]: [number, number]): void => {
-      const r = isMap ? this.view.map : this.view.skin, before = this.view.metresPerPixel(isMap);
-      eye.zoom = Math.min(200, Math.max(0.2, eye.zoom * factor));
-      const less = before - this.view.metresPerPixel(isMap);
-      eye.x += (x - r.width / 2) * less;
-      eye.y -= (y - r.height / 2) * less;
-      this.view.dropIds();
-      this.invalidate();
-    };
-    box.addEventListener('wheel', (e) => { e.preventDefault(); zoom(Math.exp(-0.0015 * e.deltaY), local(e)); }, { passive: false });
-    /** The rectangle from where the drag began, in pixels of the view. */
-    const rectangle = ([x, y]: [number, number]): [number, number, number, number] =>
-      [Math.min(x, corner![0]), Math.min(y, corner![1]), Math.max(x, corner![0]), Math.max(y, corner![1])];
-    box.addEventListener('pointerdown', (e) => {
-      box.setPointerCapture(e.pointerId);
-      down.set(e.pointerId, local(e));
-      moved = 0;
-      if (e.ctrlKey || e.metaKey) corner = local(e);
-    });
-    box.addEventListener('pointermove', (e) => {
-      const at = local(e), before = down.get(e.pointerId);
-      if (corner) {
-        const r = isMap ? this.view.map : this.view.skin, [left, top, right, bottom] = rectangle(at);
-        this.frameDrawn = [r.x + left, r.y + top, r.x + right, r.y + bottom];
-        this.invalidate();
-        return;
-      }
-      if (!before) { if (e.pointerType !== 'touch') this.hover(this.taxelAt(isMap, ...at)); return; }
-      const [dx, dy] = [at[0] - before[0], at[1] - before[1]];
-      moved += Math.abs(dx) + Math.abs(dy);
-      if (down.size === 2) {
-        const other = [...down].find(([id]) => id !== e.pointerId)![1];
-        zoom(Math.hypot(at[0] - other[0], at[1] - other[1]) / Math.max(1, Math.hypot(before[0] - other[0], before[1] - other[1])), other);
-      } else if (isMap || e.shiftKey || e.buttons === 2) {
-        const m = this.view.metresPerPixel(isMap);
-        eye.x -= dx * m; eye.y += dy * m;
-      } else {
-        eye.azimuth -= 0.009 * dx;
-        eye.elevation = Math.min(1.57, Math.max(-1.57, eye.elevation + 0.009 * dy));
-      }
-      down.set(e.pointerId, at);
-      this.view.dropIds();
-      this.invalidate();
-    });
-    const up = (e: PointerEvent): void => {
-      if (corner) {
-        down.delete(e.pointerId);
-        if (e.type === 'pointerup') this.choose(isMap, ...rectangle(local(e)));
-        corner = this.frameDrawn = null;
-        return;
-      }
-      if (down.delete(e.pointerId) && e.type === 'pointerup' && moved < 5) {
-        if (isMap && this.drawing) this.addCorner(...local(e));
-        else this.pin(this.taxelAt(isMap, ...local(e)));
-      }
-      else this.keep();
-    };
-    box.addEventListener('pointerup', up);
-    box.addEventListener('pointercancel', up);
-    box.addEventListener('pointerleave', () => this.hover(null));
-    box.addEventListener('contextmenu', (e) => e.preventDefault());
-  }
-
   private setTheme(theme: string): void {
     document.documentElement.dataset.theme = theme;
     const isDark = theme === 'dark';
-    this.view.setTheme({ background: isDark ? '#1b1f26' : '#ffffff', ink: isDark ? [0.02, 0.03, 0.05] : [0.1, 0.12, 0.17], accent: isDark ? '#ff4f8f' : '#d4266a' });
+    for (const { view } of [this.stage, ...(this.landmarks ? [this.landmarks.stage] : [])]) view.setTheme({ background: isDark ? '#1b1f26' : '#ffffff', ink: isDark ? [0.02, 0.03, 0.05] : [0.1, 0.12, 0.17], accent: isDark ? '#ff4f8f' : '#d4266a' });
     this.legend();
     if (this.data.header.recording) this.curve();
     this.invalidate();
@@ -891,8 +783,8 @@ class Page {
     const names = [...byId<HTMLSelectElement>('colour').options].map((o) => o.value), wanted = state.get('colour') ?? '';
     // All patches have this level.
     const common = Math.min(...this.patches.map((p) => p.fields.length)) - 1;
-    this.setLevel(numbers('level', 1)?.[0] ?? (this.data.header.recording ? 0 : Math.min(2, common)));
-    this.setPaint(names.includes(wanted) ? wanted : this.data.header.recording ? 'recording' : common > 0 ? 'field' : 'angle');
+    this.setLevel(numbers('level', 1)?.[0] ?? (this.data.header.recording || this.landmarks ? 0 : Math.min(2, common)));
+    this.setPaint(names.includes(wanted) ? wanted : this.data.header.recording ? 'recording' : this.landmarks ? (this.data.header.regions.length > 0 ? 'region' : 'plain') : common > 0 ? 'field' : 'angle');
     this.setFrame(numbers('frame', 1)?.[0] ?? this.firstTouch());
     this.setUnfold(numbers('unfold', 1)?.[0] ?? 0);
     const [patch, taxel] = (state.get('taxel') ?? '').split(':').map(Number);

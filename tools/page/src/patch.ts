@@ -216,18 +216,59 @@ export class Patch {
     return sums.map((sum, k) => (areas[k] > 0 ? sum / areas[k] : NaN));
   }
 
+  private normals: Float32Array | null = null;
+
   /** Position (m) and unit normal of a taxel in the frame of the link. */
   frame(taxel: number): [Vector3, Vector3] {
-    const p = this.keys[0];
-    const normal = new Vector3();
+    const p = this.keys[0], normals = (this.normals ??= this.allNormals());
+    return [new Vector3().fromArray(p, 3 * taxel), new Vector3().fromArray(normals, 3 * taxel)];
+  }
+
+  private allNormals(): Float32Array {
+    const p = this.keys[0], sums = new Float32Array(3 * this.taxels);
     const [x, y, z] = [0, 1, 2].map(() => new Vector3());
     for (let f = 0; f < this.faces; f++) {
       const corners = [0, 1, 2].map((k) => this.triangles[3 * f + k]);
-      if (!corners.some((c) => this.taxelOf[c] === taxel)) continue;
       x.fromArray(p, 3 * corners[0]);
-      normal.add(y.fromArray(p, 3 * corners[1]).sub(x).cross(z.fromArray(p, 3 * corners[2]).sub(x)));
+      y.fromArray(p, 3 * corners[1]).sub(x).cross(z.fromArray(p, 3 * corners[2]).sub(x));
+      for (const c of corners) for (let a = 0; a < 3; a++) sums[3 * this.taxelOf[c] + a] += y.getComponent(a);
     }
-    return [new Vector3().fromArray(p, 3 * taxel), normal.normalize()];
+    for (let t = 0; t < this.taxels; t++) x.fromArray(sums, 3 * t).normalize().toArray(sums, 3 * t);
+    return sums;
+  }
+
+  private seam: Uint8Array | null = null;
+
+  /** Whether a taxel has several places on the map. */
+  isOnSeam(taxel: number): boolean {
+    if (!this.seam) {
+      this.seam = new Uint8Array(this.taxels);
+      for (let k = this.taxels; k < this.places; k++) this.seam[this.taxelOf[k]] = 1;
+    }
+    return this.seam[taxel] === 1;
+  }
+
+  /** The distance of each taxel from the nearest of some, along edges, in m. */
+  distances(from: number[]): Float64Array {
+    const found = new Float64Array(this.taxels).fill(Infinity), { edges, taxelOf } = this, at = this.keys[0];
+    const near: number[][] = Array.from({ length: this.taxels }, () => []);
+    for (let e = 0; e < edges.length; e += 2) {
+      const [a, b] = [taxelOf[edges[e]], taxelOf[edges[e + 1]]];
+      near[a].push(b);
+      near[b].push(a);
+    }
+    // Rounds over those whose distance fell, until none does.
+    let queue = from;
+    for (const t of from) found[t] = 0;
+    while (queue.length > 0) {
+      const next = new Set<number>();
+      for (const a of queue) for (const b of near[a]) {
+        const d = found[a] + Math.hypot(at[3 * a] - at[3 * b], at[3 * a + 1] - at[3 * b + 1], at[3 * a + 2] - at[3 * b + 2]);
+        if (d < found[b]) { found[b] = d; next.add(b); }
+      }
+      queue = [...next];
+    }
+    return found;
   }
 
   /** All places of a taxel: several on a seam. */
