@@ -30,7 +30,7 @@ use crate::Error;
 use crate::map::{PatchMap, SkinMap};
 use crate::page::pack::Packer;
 use crate::page::recording::{Recorder, RecordingHeader};
-use crate::page::skin::{LinkHeader, PatchHeader, pack_patch, sheet_offsets};
+use crate::page::skin::{LinkHeader, PatchHeader, pack_patch, senses, sheet_offsets};
 use crate::plot::{Paint, PlotOptions, plot_map};
 use crate::pyramid::LevelId;
 use crate::recording::Recording;
@@ -74,6 +74,10 @@ struct PageHeader<'a> {
     patches: Vec<PatchHeader>,
     /// The names of the regions, which patches count from 1 on.
     regions: Vec<String>,
+    /// What taxels sense besides touch, which patches count from 1 on.
+    modalities: Vec<String>,
+    /// The number of fields of each level of the whole body.
+    body: Vec<usize>,
     recording: Option<RecordingHeader>,
 }
 
@@ -164,16 +168,22 @@ fn html(
     let packer = &mut packer;
     let (offsets, regions) = (sheet_offsets(map), map.regions());
     let mut patches = Vec::new();
-    for ((patch, of_taxels), offset) in map.patches.iter().zip(&regions.of_taxels).zip(offsets) {
+    let (modalities, rows) = (senses(map), map.body_rows().0);
+    for (id, offset) in map.patches.ids().zip(offsets) {
+        let patch = &map.patches[id];
         let unfolding = Unfolding::new(patch).map_err(|e| Error::from(e).in_patch(&patch.name))?;
-        patches.push(pack_patch(packer, map, patch, (&unfolding, of_taxels), offset));
+        let mut header = pack_patch(packer, map, patch, (&unfolding, &regions.of_taxels[id]), offset);
+        header.pack_body(packer, rows.iter().map(|of_patches| &of_patches[id]));
+        header.pack_senses(packer, &patch.taxels, &modalities);
+        patches.push(header);
     }
+    let body = map.body.levels.iter().map(|level| level.origins.len()).collect();
     let links = map.links.iter().zip(link_names(&map.links));
     let links =
         links.map(|(link, name)| LinkHeader { name, parent: link.parent.map(|p| p.index()) }).collect();
     let regions = regions.names.iter().map(ToString::to_string).collect();
     let version = env!("CARGO_PKG_VERSION");
-    let header = PageHeader { version, title, links, patches, regions, recording };
+    let header = PageHeader { version, title, links, patches, regions, modalities, body, recording };
     let data = packer.finish(&header);
     let shown: Vec<&PatchMap> = map.patches.iter().take(PICTURE_PATCHES).collect();
     let options = PlotOptions {

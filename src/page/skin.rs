@@ -8,8 +8,8 @@ use crate::id::{IdVec, VertexId};
 use crate::map::{PatchMap, RegionId, SkinMap};
 use crate::mesh::rectangle_around;
 use crate::page::pack::{PackedRows, Packer, Region, Values, share};
-use crate::pyramid::LevelId;
-use crate::skin::{Covariance, PatchId, Presence, world_pose};
+use crate::pyramid::{LevelId, Prolongation};
+use crate::skin::{Covariance, PatchId, Presence, TOUCH, Taxels, world_pose};
 use crate::unfold::{Unfolding, origins};
 
 /// Space between the maps of patches on the sheet, as a share of the side of all of them.
@@ -47,6 +47,8 @@ pub(super) struct PatchHeader {
     unsplit: usize,
     ids: usize,
     presence: usize,
+    /// What each taxel senses, 0 for touch alone or nothing.
+    senses: usize,
     /// The region of each taxel, 0 for none.
     region: usize,
     areas: Values,
@@ -56,6 +58,8 @@ pub(super) struct PatchHeader {
     key_rows: Option<PackedRows>,
     values: Vec<Values>,
     levels: Vec<LevelHeader>,
+    /// The taxels in terms of the fields of each level of the whole body.
+    body: Vec<PackedRows>,
 }
 
 #[derive(Debug, Serialize)]
@@ -88,7 +92,8 @@ pub(super) fn pack_patch(
     let presence = of.presence.iter().map(|presence| match presence {
         Presence::Absent => 0,
         Presence::Present => 1,
-        Presence::ThermalPad | Presence::Other => 2,
+        Presence::ThermalPad => 2,
+        Presence::Other => 3,
     });
     let presence = packer.planes(&[presence.collect()]);
     let region = of_taxels.iter().map(|region| region.map_or(0, |region| region.raw() + 1));
@@ -143,6 +148,7 @@ pub(super) fn pack_patch(
         unsplit,
         ids,
         presence,
+        senses: 0,
         region,
         areas,
         keys,
@@ -151,6 +157,46 @@ pub(super) fn pack_patch(
         key_rows,
         values,
         levels,
+        body: Vec::new(),
+    }
+}
+
+/// What taxels of a map sense besides touch, in the order of their first ones.
+pub(super) fn senses(map: &SkinMap) -> Vec<String> {
+    let mut all: Vec<String> = Vec::new();
+    for of in map.patches.iter().map(|patch| &patch.taxels) {
+        for name in
+            of.ids.ids().map(|taxel| of.modalities_of(taxel)).filter(|name| !["", TOUCH].contains(name))
+        {
+            if !all.iter().any(|known| known == name) {
+                all.push(name.to_owned());
+            }
+        }
+    }
+    all
+}
+
+impl PatchHeader {
+    /// Packs what its taxels sense, as numbers in a list of [`senses`].
+    pub(super) fn pack_senses(&mut self, packer: &mut Packer, taxels: &Taxels, known: &[String]) {
+        let number = |taxel| {
+            let name = taxels.modalities_of(taxel);
+            (1..).zip(known).find(|(_, known)| *known == name).map_or(0, |(number, _)| number)
+        };
+        self.senses = packer.planes(&[taxels.ids.ids().map(number).collect()]);
+    }
+
+    /// Packs its taxels in terms of the fields of the levels of the whole body.
+    pub(super) fn pack_body<'a>(
+        &mut self,
+        packer: &mut Packer,
+        levels: impl Iterator<Item = &'a Prolongation>,
+    ) {
+        for rows in levels {
+            let rows = rows.indices.iter().zip(&rows.weights);
+            self.body
+                .push(packer.rows(rows.map(|(named, weights)| (named.map(VertexId::raw), *weights)), 255));
+        }
     }
 }
 

@@ -155,6 +155,20 @@ await test('a field of level 2 lights the taxels of the matrix in the map, with 
   await close(page);
 });
 
+await test('levels of the whole body lie above those of the patches and light the taxels of all', async () => {
+  const page = await open(maps.robot);
+  const [says, lit, taxels] = await page.evaluate(() => {
+    const d = window.dermatome;
+    d.setLevel(+document.getElementById('level').max);
+    d.pin({ patch: 0, taxel: 5 });
+    d.draw();
+    return [document.getElementById('level-text').textContent, document.documentElement.dataset.lit, d.patches.reduce((sum, p) => sum + p.taxels, 0)];
+  });
+  assert.match(says, /^body\.L\d+: 1 field$/);
+  assert.equal(+lit, taxels);
+  await close(page);
+});
+
 await test('all places of a taxel on a seam are named', async () => {
   const page = await open(maps.robot);
   const says = await page.evaluate(() => {

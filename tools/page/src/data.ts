@@ -8,9 +8,11 @@ export interface PatchHeader {
   name: string; link: number; taxels: number; filled: number;
   pose: number[]; sheet: number[]; offset: number[];
   space: Box; map: Box; between: Box; most_turn: number;
-  positions: number; places: number; triangles: number; unsplit: number; ids: number; presence: number; region: number; areas: ValuesHeader;
+  positions: number; places: number; triangles: number; unsplit: number; ids: number; presence: number; senses: number; region: number; areas: ValuesHeader;
   keys: number; turns: number; key_origins: number; key_rows: Rows | null;
   values: ValuesHeader[]; levels: LevelHeader[];
+  /** Its taxels in terms of the fields of each level of the whole body. */
+  body: Rows[];
 }
 /** frame, track, event, patch, taxels, area, force, u, v, peak taxel */
 export type Contact = number[];
@@ -27,7 +29,12 @@ export interface RecordingHeader {
 }
 export interface Header {
   version: string; title: string; links: { name: string; parent: number | null }[];
-  patches: PatchHeader[]; regions: string[]; recording: RecordingHeader | null; arrays: [number, number, number][];
+  patches: PatchHeader[]; regions: string[];
+  /** What taxels sense besides touch, counted from 1 on. */
+  modalities: string[];
+  /** The number of fields of each level of the whole body. */
+  body: number[];
+  recording: RecordingHeader | null; arrays: [number, number, number][];
 }
 export type Numbers = Uint8Array | Uint16Array | Uint32Array;
 

@@ -1,6 +1,6 @@
 // The page: what is shown, and how it is steered.
 
-import { CATEGORIES, UNKNOWN, colour, figures, mix, paint, paintNames, recordingPaint, type Paint } from './colours';
+import { CATEGORIES, UNKNOWN, colour, figures, levelName, mix, paint, paintNames, recordingPaint, type Paint } from './colours';
 import { load, type Contact, type Data, type EventRow, type Part, type RecordingHeader } from './data';
 import { EventStrip } from './events';
 import { Grid, nearest } from './grid';
@@ -58,14 +58,15 @@ class Page {
 
   constructor(readonly data: Data) {
     const { header } = data;
-    this.patches = header.patches.map((patch) => new Patch(data, patch));
+    this.patches = header.patches.map((patch) => new Patch(data, patch, header.body));
+    Patch.join(this.patches);
     this.sheet = [0, 1].map((a) => this.patches.reduce((most, p) => {
       for (let k = a; k < p.sheet.length; k += 2) if (p.sheet[k] > most) most = p.sheet[k];
       return most;
     }, 1e-9)) as [number, number];
     this.view = new View(byId<HTMLCanvasElement>('canvas'), this.patches, this.sheet);
     if (header.recording && !header.recording.is_live) this.readRecording();
-    this.paints = paint('plain', this.patches, 0, []);
+    this.paints = paint('plain', this.patches, 0, [], []);
     this.controls();
     this.tree();
     this.restore();
@@ -127,20 +128,21 @@ class Page {
     this.patches.forEach((patch, k) => {
       const colours = this.view.colours(k);
       for (let place = 0; place < patch.places; place++) colours[4 * place + 3] = this.isInBox(patch, place) ? 150 : 0;
-      if (lit && lit.patch === k) for (const [taxel, w] of lit.members) for (const place of patch.placesOf(taxel)) colours[4 * place + 3] = Math.max(1, Math.round(255 * w));
+      const members = lit?.patch === k ? lit.members : (lit?.beyond.find(([p]) => p === k)?.[1] ?? []);
+      for (const [taxel, w] of members) for (const place of patch.placesOf(taxel)) colours[4 * place + 3] = Math.max(1, Math.round(255 * w));
       this.view.coloursChanged(k);
     });
     this.describe();
   }
 
-  private levelOf(patch: number): number { return Math.min(this.level, this.patches[patch].fields.length - 1); }
-
-  private lit(): { patch: number; field: number; members: [number, number][] } | null {
-    const at = this.chosen;
+  /** Of a field of the body `beyond` are the taxels on other patches. */
+  private lit(): { patch: number; field: number; members: [number, number][]; beyond: [number, [number, number][]][] } | null {
+    const at = this.chosen, level = this.level;
     if (!at) return null;
-    const patch = this.patches[at.patch], level = this.levelOf(at.patch);
-    const [[field]] = patch.fieldsOf(level, at.taxel);
-    return { patch: at.patch, field, members: patch.members(level, field) };
+    const patch = this.patches[at.patch], [[field]] = patch.fieldsOf(level, at.taxel);
+    const others = patch.sharing(level).filter((other) => other !== patch);
+    const beyond = others.map((other): [number, [number, number][]] => [this.patches.indexOf(other), other.members(level, field)]);
+    return { patch: at.patch, field, members: patch.members(level, field), beyond: beyond.filter(([, members]) => members.length > 0) };
   }
 
   private drawOverlay(): void {
@@ -281,7 +283,8 @@ class Page {
     const box = byId('taxel'), at = this.chosen;
     box.replaceChildren();
     document.documentElement.dataset.taxel = at ? `${at.patch}:${at.taxel}` : '';
-    document.documentElement.dataset.lit = `${this.lit()?.members.length ?? 0}`;
+    const lit = this.lit(), count = lit ? lit.beyond.reduce((sum, [, members]) => sum + members.length, lit.members.length) : 0;
+    document.documentElement.dataset.lit = `${count}`;
     if (!at) {
       box.append(text('p', 'Point at the skin or the map. Click to keep a taxel, Esc to let it go.'));
       return;
@@ -290,9 +293,10 @@ class Page {
     const row = (name: string, value: string): void => { list.append(text('dt', name), text('dd', value)); };
     const mm = (x: number): string => (1000 * x).toFixed(1).replace('-', '\u2212');
     const [position, normal] = patch.frame(at.taxel);
-    const presence = ['absent', 'present', 'thermal pad'][patch.presence[at.taxel]];
+    const presence = ['absent', 'present', 'thermal pad', 'other sensor'][patch.presence[at.taxel]];
     row('id', `${patch.ids[at.taxel]}${presence === 'present' ? '' : `, ${presence}`}${at === this.pinned ? ' (kept)' : ''}`);
     row('patch', `${patch.header.name}, ${this.data.header.links[patch.header.link].name}`);
+    if (patch.senses[at.taxel] > 0) row('senses', this.data.header.modalities[patch.senses[at.taxel] - 1].replace(/\+/g, ', '));
     if (patch.region[at.taxel] > 0) row('region', this.data.header.regions[patch.region[at.taxel] - 1]);
     row('position', `${position.toArray().map(mm).join(', ')} mm`);
     row('normal', normal.toArray().map((x) => x.toFixed(2).replace('-', '\u2212')).join(', '));
@@ -300,11 +304,11 @@ class Page {
     row(places.length > 1 ? `on the map, ${places.length} places` : 'on the map', places.map((p) => `${mm(patch.sheet[2 * p] - dx)}, ${mm(patch.sheet[2 * p + 1] - dy)}`).join(' and ') + ' mm');
     for (const value of patch.values) row(value.name, `${figures(value.of[at.taxel])} ${value.unit}`);
     row('area', `${figures(1e6 * patch.areas[at.taxel])} mm²`);
-    const level = this.levelOf(at.patch);
-    if (level > 0) {
-      const of = patch.fieldsOf(level, at.taxel), lit = this.lit()!;
+    if (lit && patch.fieldsAt(this.level).weights) {
+      const of = patch.fieldsOf(this.level, at.taxel);
       row('fields', of.map(([f, w]) => `${f}: ${w.toFixed(2)}`).join(', '));
       const heaviest = [...lit.members].sort((a, b) => b[1] - a[1]).slice(0, 12);
+      if (lit.beyond.length > 0) row('of the body', levelName(this.level, this.patches) + lit.beyond.map(([p, members]) => `, ${members.length} taxels on ${this.patches[p].header.name}`).join(''));
       row(`field ${lit.field}`, `${lit.members.length} taxels: ` + heaviest.map(([t, w]) => `${patch.ids[t]}: ${w.toFixed(2)}`).join(', ') + (lit.members.length > 12 ? ', …' : ''));
     }
     if (this.paints.name === 'recording') {
@@ -511,10 +515,10 @@ class Page {
   }
 
   setLevel(level: number): void {
-    const most = Math.max(...this.patches.map((p) => p.fields.length)) - 1;
+    const { body } = this.data.header, own = this.patches[0]?.most ?? 1, most = own + body.length - 1;
     this.level = this.view.level = Math.min(most, Math.max(0, Math.round(level)));
-    const count = this.patches.reduce((sum, p, k) => sum + p.fields[this.levelOf(k)].vertices, 0);
-    const says = `level ${this.level}: ${count} ${this.level === 0 ? 'taxels' : 'fields'}`;
+    const count = this.level < own ? this.patches.reduce((sum, p) => sum + p.fieldsAt(this.level).vertices, 0) : body[this.level - own];
+    const says = `${levelName(this.level, this.patches)}: ${count} ${this.level === 0 ? 'taxels' : count === 1 ? 'field' : 'fields'}`;
     const slider = byId<HTMLInputElement>('level');
     slider.max = `${most}`;
     slider.value = `${this.level}`;
@@ -529,7 +533,7 @@ class Page {
     const recording = this.data.header.recording;
     this.paints = name === 'recording' && recording
       ? recordingPaint(recording.channel, recording.unit, untouched(recording), recording.hi, this.patches)
-      : paint(name, this.patches, this.level, this.data.header.regions);
+      : paint(name, this.patches, this.level, this.data.header.regions, this.data.header.modalities);
     byId<HTMLSelectElement>('colour').value = name;
     if (name === 'recording') this.setFrame(this.frame);
     this.isRecolouring = this.isRelighting = true;
@@ -585,14 +589,19 @@ class Page {
     this.frame = Math.min(count - 1, Math.max(0, Math.round(frame)));
     if (this.paints.name === 'recording') {
       const step = (recording.hi - recording.lo) / 254;
+      const read: Float32Array[] = [];
       let first = 0;
       this.patches.forEach((patch, k) => {
-        const values = this.paints.values![k], of = this.readings[k];
+        const of = this.readings[k];
         const taxels = this.live ? this.live.subarray(first, first + patch.taxels) : new Float32Array(patch.taxels);
         first += patch.taxels;
         if (!this.live) for (let t = 0; t < patch.taxels; t++) { const x = of[this.frame * patch.taxels + t]; taxels[t] = x === 0 ? NaN : recording.lo + (x - 1) * step; }
-        const shown = this.levelOf(k) > 0 ? this.blurred(patch, this.levelOf(k), taxels, recording.is_amount) : taxels;
-        for (let p = 0; p < patch.places; p++) values[p] = shown[patch.taxelOf[p]];
+        read.push(taxels);
+      });
+      const shown = this.blurred(read, recording.is_amount);
+      this.patches.forEach((patch, k) => {
+        const values = this.paints.values![k];
+        for (let p = 0; p < patch.places; p++) values[p] = shown[k][patch.taxelOf[p]];
       });
       this.isRecolouring = this.isRelighting = true;
       if (!this.playing && !this.live) this.legend();
@@ -607,21 +616,31 @@ class Page {
     this.invalidate();
   }
 
-  /** What the fields of a level know of readings, on the taxels: fields have the mean or the sum of theirs. */
-  private blurred(patch: Patch, level: number, taxels: Float32Array, isAmount: boolean): Float32Array {
-    const { indices, weights, vertices } = patch.fields[level];
-    const sums = new Float32Array(vertices), areas = new Float32Array(vertices), n = patch.taxels;
-    for (let c = 0; c < 3; c++) for (let t = 0; t < n; t++) {
-      const w = weights![c * n + t], x = taxels[t];
-      if (w === 0 || x !== x) continue;
-      const f = indices![c * n + t], a = w * patch.areas[t];
-      // An amount is shown per taxel, so that one scale serves all levels.
-      sums[f] += isAmount ? w * x : a * x;
-      areas[f] += isAmount ? w : a;
-    }
-    const out = new Float32Array(n);
-    for (let c = 0; c < 3; c++) for (let t = 0; t < n; t++) { const w = weights![c * n + t]; if (w > 0) { const f = indices![c * n + t]; out[t] += areas[f] > 0 ? (w * sums[f]) / areas[f] : NaN; } }
-    return out;
+  /** What the fields of the level know of readings, on the taxels of each patch: fields have the mean or the sum of theirs. */
+  private blurred(read: Float32Array[], isAmount: boolean): Float32Array[] {
+    const fields = this.patches.map((patch) => patch.fieldsAt(this.level));
+    const blank = (vertices: number): [Float32Array, Float32Array] => [new Float32Array(vertices), new Float32Array(vertices)];
+    // Fields of the body are those of all patches.
+    const body = this.level < (this.patches[0]?.most ?? 0) ? null : blank(fields[0].vertices);
+    const sums = fields.map(({ vertices }) => body ?? blank(vertices));
+    this.patches.forEach((patch, k) => {
+      const { indices, weights } = fields[k], [sum, area] = sums[k], n = patch.taxels;
+      if (weights) for (let c = 0; c < 3; c++) for (let t = 0; t < n; t++) {
+        const w = weights[c * n + t], x = read[k][t];
+        if (w === 0 || x !== x) continue;
+        const f = indices![c * n + t], a = w * patch.areas[t];
+        // An amount is shown per taxel, so that one scale serves all levels.
+        sum[f] += isAmount ? w * x : a * x;
+        area[f] += isAmount ? w : a;
+      }
+    });
+    return this.patches.map((patch, k) => {
+      const { indices, weights } = fields[k], [sum, area] = sums[k], n = patch.taxels;
+      if (!weights) return read[k];
+      const out = new Float32Array(n);
+      for (let c = 0; c < 3; c++) for (let t = 0; t < n; t++) { const w = weights[c * n + t]; if (w > 0) { const f = indices![c * n + t]; out[t] += area[f] > 0 ? (w * sum[f]) / area[f] : NaN; } }
+      return out;
+    });
   }
 
   /** The sums of all frames, drawn once, and what they were drawn for. */
@@ -730,7 +749,7 @@ class Page {
   private controls(): void {
     const { recording } = this.data.header;
     const select = byId<HTMLSelectElement>('colour');
-    for (const [name, label] of paintNames(this.patches, recording ? `${recording.channel}${recording.unit ? ` (${recording.unit})` : ''}` : null, this.data.header.regions.length > 0)) {
+    for (const [name, label] of paintNames(this.patches, recording ? `${recording.channel}${recording.unit ? ` (${recording.unit})` : ''}` : null, this.data.header.regions.length > 0, this.data.header.modalities.length > 0)) {
       const option = text('option', label) as HTMLOptionElement;
       option.value = name;
       select.append(option);

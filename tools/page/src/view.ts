@@ -270,7 +270,7 @@ export class View {
       const dots = (d.dots.material as RawShaderMaterial).uniforms;
       dots.ink.value = new Vector4(r, g, b, 0.75);
       dots.dot_px.value = ratio * Math.min(5, Math.max(1.5, 0.2 * spacing));
-      const shown = Math.min(this.level, this.patches[k].fields.length - 1);
+      const { fields, most } = this.patches[k], shown = this.level < most ? Math.min(this.level, fields.length - 1) : -1;
       d.fields.forEach((lines, level) => {
         lines.visible = d.visible && this.hasLines && level > 0 && level === shown && (this.patches[k].spacing * px * Math.sqrt(this.patches[k].taxels / this.patches[k].fields[level].vertices) > 5);
         (lines.material as RawShaderMaterial).uniforms.ink.value = new Vector4(r, g, b, 0.6);
