@@ -469,13 +469,25 @@ impl SkinMap {
             }
             before = level.origins.len();
         }
-        let key = |modality: &Modality| (modality.patch, modality.name.clone());
+        self.check_modalities(exists)
+    }
+
+    /// Checks the modalities: those of patches in their order, then those of the body, each once.
+    fn check_modalities(&self, exists: impl Fn(&BodyTaxel) -> bool) -> Result<(), MapError> {
+        let order = |modality: &Modality| (modality.patch.is_none(), modality.patch);
         for (k, modality) in self.body.modalities.iter().enumerate() {
             let earlier = &self.body.modalities[..k];
-            let patch = self.patches.get(modality.patch);
+            let key = |modality: &Modality| (modality.patch, modality.name.clone());
             let is_once = earlier.iter().all(|other| key(other) != key(modality))
-                && earlier.last().is_none_or(|last| last.patch <= modality.patch);
-            let wrong = patch.filter(|_| is_once).map(|patch| modality.wrong_level(patch.taxels.ids.len()));
+                && earlier.last().is_none_or(|last| order(last) <= order(modality));
+            let before = match modality.patch {
+                Some(patch) => self.patches.get(patch).map(|patch| patch.taxels.ids.len()),
+                None => {
+                    let parts = || self.body.parts(modality);
+                    (parts().count() > 1).then(|| parts().flat_map(|(_, part)| part.sensors()).count())
+                }
+            };
+            let wrong = before.filter(|_| is_once).map(|before| modality.wrong_level(before, &exists));
             if let Some(level) = wrong.unwrap_or(Some(LevelId::default())) {
                 let (patch, name) = (modality.patch, modality.name.clone());
                 return Err(MapError::Modality { patch, name, level });
@@ -494,7 +506,8 @@ impl SkinMap {
         let skin = self.skin();
         let links = gap_links(&skin, across);
         let levels = body_levels(&skin, &links, &self.coarsest());
-        let modalities = modalities(&skin);
+        let finest = self.patches.iter().filter_map(|patch| patch.levels.iter().next());
+        let modalities = modalities(&skin, &links, &finest.map(|map| &map.level).collect());
         self.body = Body { links, levels, modalities };
     }
 

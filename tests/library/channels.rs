@@ -134,7 +134,7 @@ fn absent_taxels_are_never_filled() {
     for taxel in [20, 40] {
         frame.values[patch()][0][VertexId::new(taxel)] = f64::NAN;
     }
-    let filled = Filler::new(&map, 1).apply(&frame).clone();
+    let filled = Filler::new(&map, &[Channel::default()]).apply(&frame).clone();
     assert_eq!(filled.values[patch()][0][VertexId::new(20)], 1.0);
     assert!(filled.values[patch()][0][VertexId::new(40)].is_nan());
     assert_eq!(filled.filled[patch()][0], [VertexId::new(20)]);

@@ -48,11 +48,12 @@ struct BodyExtras {
 
 #[derive(Debug, Serialize, Deserialize)]
 struct ModalityExtras {
-    /// The number of the patch, in the order of their meshes.
-    patch: u32,
+    /// The number of the patch, in the order of their meshes; of the whole body without it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    patch: Option<u32>,
     /// Its name, such as `thermal`.
     name: String,
-    /// Its levels, finest first; level 0 has the taxels of the patch in terms of its fields.
+    /// Its levels, finest first; level 0 has the taxels of the patch, of the body all sensors, in terms of its fields.
     levels: Vec<BodyLevelExtras>,
 }
 
@@ -90,9 +91,9 @@ fn body_extras(writer: &mut SceneWriter<'_>, map: &SkinMap) -> BodyExtras {
         body.levels.iter().zip(&rows).map(|(level, rows)| add_level(writer, level, &areas(rows))).collect();
     let mut modalities = Vec::new();
     for modality in &body.modalities {
-        let areas = modality.field_areas(&map.patches[modality.patch].taxels.areas);
+        let areas = body.field_areas(modality, |patch| &map.patches[patch].taxels.areas);
         let levels = modality.levels.iter().zip(&areas).map(|(level, areas)| add_level(writer, level, areas));
-        let (patch, name) = (modality.patch.raw(), modality.name.clone());
+        let (patch, name) = (modality.patch.map(PatchId::raw), modality.name.clone());
         modalities.push(ModalityExtras { patch, name, levels: levels.collect() });
     }
     BodyExtras { links, levels, modalities }
@@ -169,7 +170,7 @@ fn read_body(document: &Document, extras: Option<serde_json::Value>) -> Result<B
             read_level(document, &format!("modality {} level {number}", excerpt(&name)), level)
         };
         let levels = levels.iter().enumerate().map(of_level).collect::<Result<_>>()?;
-        body.modalities.push(Modality { patch: PatchId::from(patch), name, levels });
+        body.modalities.push(Modality { patch: patch.map(PatchId::from), name, levels });
     }
     Ok(body)
 }

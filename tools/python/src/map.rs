@@ -292,7 +292,7 @@ impl PyMap {
     }
 
     /// tuple of str: The names of the levels without a mesh: of the whole body, as "body.L0", and of modalities besides touch, as
-    /// "arm.thermal.L0".
+    /// "arm.thermal.L0" and "body.thermal.L0".
     #[getter]
     fn field_levels<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
         PyTuple::new(py, self.map.field_levels().map(|(_, name)| name).collect::<Vec<_>>())

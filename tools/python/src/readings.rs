@@ -24,7 +24,7 @@ use crate::{
     jobs::{Stop, run, run_here},
     map::PyMap,
     options::{count, probe, word},
-    pool::body_level,
+    pool::field_level,
     response::PyResponse,
     skin::PySkin,
 };
@@ -218,7 +218,7 @@ pub(crate) fn summarise_readings<'py>(
     // Contacts need a threshold above 0.
     let threshold = threshold.map(|x| if x == 0.0 { f64::MIN_POSITIVE } else { x });
     let map = Arc::clone(&map.get().map);
-    let level = level.map(|name| body_level(&map, name)).transpose()?;
+    let level = level.map(|name| field_level(&map, name)).transpose()?;
     let made = run(py, 0, move |stop| -> Result<_, dermatome::Error> {
         let mut recording =
             Recording::open(&map, ReadingsReader::memory(readings)?, &RecordingOptions::default())?;

@@ -504,7 +504,7 @@ class Readings:
         return made
 
     def pooled(self, map: Map, level: int | str, *, threads: int = 0) -> NDArray[np.float32]:
-        """The values of the fields of a level, or of one of the whole body, as "body.L1", (T, C, fields): sums of channels that
+        """The values of the fields of a level, or of one of `Map.field_levels`, as "body.L1", (T, C, fields): sums of channels that
         are amounts, averages of others.
 
         Raises
@@ -554,7 +554,8 @@ class Readings:
         probe : {"any", "finger"}
             What touches the skin, for contacts that are close to each other.
         level : str, optional
-            A level of the whole body, as "body.L1", whose fields are groups, too.
+            A level of the whole body or of a modality, as "body.L1" or "arm.thermal.L0" (`Map.field_levels`), whose fields are
+            groups, too.
 
         Returns
         -------
