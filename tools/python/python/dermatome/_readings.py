@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from dermatome import _conditioning
 from dermatome._dermatome import Map, as_floats, as_numbers, is_extensive, join_readings, read_readings
-from dermatome._errors import A_MAP, ArgumentError, DataError, FileError, check_kind, path_of
+from dermatome._errors import A_MAP, ArgumentError, DataError, check_kind, path_of
+from dermatome._whole import written
 
 if TYPE_CHECKING:
     import os
@@ -712,10 +713,9 @@ class Readings:
             if not finite.all():
                 raise DataError(f"timestamps: found none for frame {np.argmin(finite)}; needed: one for each frame, or none")
             arrays["timestamps"] = self.timestamps
-        try:
-            np.savez(path_of("path", path), **arrays)
-        except OSError as error:
-            raise FileError(f"{path}: cannot be written: {error}", "io") from error
+        name = path_of("path", path)
+        with written(name if name.endswith(".npz") else f"{name}.npz") as part:
+            np.savez(part, **arrays)
 
 
 def _of(arrays: dict[str, Any]) -> Readings:

@@ -16,6 +16,7 @@ from dermatome._dermatome import Map
 from dermatome._errors import A_MAP, READINGS, DataError, FileError, MissingFileError, check_kind
 from dermatome._messages import DEFINITIONS, Wanted, field_of, kind_of, numbers_of, points_of
 from dermatome._readings import Readings
+from dermatome._whole import written
 
 __all__ = ["read", "write"]
 
@@ -243,16 +244,13 @@ def write(
     stamps = _stamps(readings.timestamps)
     if Path(path).exists():
         raise FileError(f"{path}: found a file or folder; needed: the name of a new folder", "exists")
-    try:
-        with rosbag2.Writer(Path(path), version=9) as writer:
-            for name, prefix in zip(names, _prefixes(topic, names)):
-                of = level_of(map, name, level)
-                renderer = map.renderer(of.number, patch=name, extensive=extensive)
-                frame = map.patches[name].link
-                _write_images(writer, store, f"{prefix}/image", frame, stamps, renderer(values)[:, 0])
-                _write_points(writer, store, f"{prefix}/points", frame, stamps, of, np.ascontiguousarray(pooled[:, fields[name]]))
-    except OSError as error:
-        raise FileError(f"{path}: cannot be written: {error}", "io") from error
+    with written(path) as part, rosbag2.Writer(part, version=9) as writer:
+        for name, prefix in zip(names, _prefixes(topic, names)):
+            of = level_of(map, name, level)
+            renderer = map.renderer(of.number, patch=name, extensive=extensive)
+            frame = map.patches[name].link
+            _write_images(writer, store, f"{prefix}/image", frame, stamps, renderer(values)[:, 0])
+            _write_points(writer, store, f"{prefix}/points", frame, stamps, of, np.ascontiguousarray(pooled[:, fields[name]]))
 
 
 def _prefixes(topic: str, names: list[str]) -> list[str]:
