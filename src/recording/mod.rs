@@ -157,6 +157,21 @@ impl Recording {
         })
     }
 
+    /// The [channel](Self::channel) without a name.
+    ///
+    /// # Errors
+    /// [`SignalError::NoTouch`] if it does not measure touches.
+    pub(crate) fn touch_channel(&self) -> Result<usize, SignalError> {
+        let channels = self.channels();
+        let channel = main_channel(channels.iter().map(|channel| channel.kind));
+        match channels.get(channel) {
+            Some(found) if found.kind.is_of_touch() => Ok(channel),
+            _ => Err(SignalError::NoTouch {
+                known: channels.iter().map(|channel| channel.name.clone()).collect(),
+            }),
+        }
+    }
+
     /// The zero of each taxel in the [channel](Self::channel) without a name, patch after patch, as far as it is known by now; NaN where it is
     /// not. Without a [zero](crate::signal::Zero) it is 0.
     pub fn zeros(&self) -> Vec<f64> {
