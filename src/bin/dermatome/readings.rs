@@ -366,7 +366,8 @@ impl ReadingsArgs {
     /// Notes about readings that are not as they should be.
     pub(crate) fn remark(&self, recording: &Recording, common: &Common) {
         for statement in recording.statements() {
-            if statement.source == StatementSource::Checked && statement.what != "missing" {
+            let is_checked = statement.source == StatementSource::Checked && statement.what != "missing";
+            if is_checked || statement.what == "columns not read" {
                 note!(common, "{}: {}", statement.what, statement.value);
             }
         }
