@@ -8,9 +8,10 @@ use crate::parallel::par_ids;
 use crate::run::Run;
 use crate::touches::TouchesError;
 use crate::touches::bundle::{Bundle, Place};
+use crate::touches::delay::LogDelay;
 use crate::touches::fit::{Estimate, GainPrior, Guess, Noise, Taxel};
 use crate::touches::gather::{Sample, Samples};
-use crate::touches::log::TouchLog;
+use crate::touches::log::{TouchFrame, TouchLog};
 use crate::touches::profile::Profile;
 use crate::touches::sides;
 use crate::touches::spikes::{LeftOutReading, drop_gross, drop_unfit, usual_largest};
@@ -90,6 +91,8 @@ pub(super) struct Estimates {
     pub(super) lone: usize,
     /// Readings that their taxel does not give.
     pub(super) spikes: Vec<LeftOutReading>,
+    /// How late the readings are, if the touches tell.
+    pub(super) delay: Option<LogDelay>,
 }
 
 /// Estimates everything; drops samples that are not of their taxel.
@@ -153,6 +156,7 @@ pub(super) fn estimate(
         has_outside,
         lone,
         spikes,
+        delay: None,
     };
     if !has_readings || all.profiles.is_empty() {
         return Ok(all);
@@ -167,7 +171,7 @@ pub(super) fn estimate(
         if known.normals.is_none() {
             all.update_normals();
         }
-        let spikes = all.adjust(samples, frames, if round == 0 { FIRST_STEPS } else { STEPS }, run)?;
+        let spikes = all.adjust(samples, &log.frames, if round == 0 { FIRST_STEPS } else { STEPS }, run)?;
         if round + 1 < ROUNDS {
             all.spikes.extend(drop_unfit(samples, log, &spikes));
         }
@@ -236,7 +240,7 @@ impl Estimates {
     fn adjust(
         &mut self,
         samples: &Samples,
-        frames: usize,
+        frames: &[TouchFrame],
         steps: usize,
         run: Run<'_>,
     ) -> Result<Vec<Vec<VertexId>>, TouchesError> {
@@ -252,6 +256,7 @@ impl Estimates {
         self.covariances = adjusted.covariances;
         self.places = adjusted.places;
         self.noise = adjusted.noise;
+        self.delay = adjusted.delay;
         Ok(spikes)
     }
 

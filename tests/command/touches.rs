@@ -361,6 +361,44 @@ fn a_log_can_have_the_faults_of_real_ones() {
     refuses(folder, "simulate --fault late-ms=4 -o none.g2o", &["--arm"]);
 }
 
+/// A late clock is said, and taken off unless the delay is given.
+#[test]
+fn late_readings_are_said_and_taken_off() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let words =
+        "simulate --arm --taxels 60 --arm-noise-mm 0.5 --seed 3 --fault late-ms=40 -o log.csv --truth t.csv";
+    dermatome(folder, words).assert().success();
+    let late = |options: &str, said: &[&str]| {
+        let words = format!("touches log.csv -o c.csv{options}");
+        notes(folder, &words, said);
+        let run = dermatome(folder, &format!("{words} --json")).assert().success();
+        let found = json(&run.get_output().stdout);
+        let number = |key: &str| found[key].as_f64().unwrap();
+        assert!((number("delay_ms") - 40.0).abs() < 10.0, "{options}: {found}");
+        let run = dermatome(folder, "calibrate c.csv -o s.csv --truth t.csv --json").assert().success();
+        (number("delay_removed_ms"), rmse(&run))
+    };
+    let said = "the readings are late by ";
+    let (found, error) = late("", &[said, "which is taken off"]);
+    let (given, same) = late(" --delay-ms 40", &[said, "which is taken off"]);
+    let (none, worse) = late(" --delay-ms 0", &[said]);
+    assert!(
+        (found - 40.0).abs() < 10.0 && (given - 40.0).abs() < 1e-9 && none == 0.0,
+        "{found} ms, {given} ms, {none} ms"
+    );
+    println!("{error} mm, {same} mm, {worse} mm");
+    assert!(error < 0.5 * worse && same < 0.5 * worse, "{error} mm, {same} mm, {worse} mm");
+    let run = dermatome(folder, "check log.csv --json").assert().success();
+    let found = json(&run.get_output().stdout);
+    let clock = found["findings"].as_array().unwrap().iter().find(|f| f["kind"] == "clock").unwrap();
+    assert!(clock["message"].as_str().unwrap().contains(said), "{clock}");
+    let text = fs::read_to_string(folder.join("log.csv")).unwrap();
+    let untimed = text.replacen("time", "clock", 1);
+    fs::write(folder.join("untimed.csv"), untimed).unwrap();
+    refuses(folder, "touches untimed.csv -o c.csv --delay-ms 40", &["line 2", "a time in each row"]);
+}
+
 /// Real self-touches: active taxels without readings, a body of unknown size, contacts that are repeated, and its
 /// orientation.
 #[test]
