@@ -105,9 +105,10 @@ pub(super) fn estimate(
     let (has_readings, frames) = (log.has_readings, log.frames.len());
     let spikes = if has_readings { drop_gross(samples, log) } else { Vec::new() };
     let mut centres = samples.of.map(|of| strong_centre(of.as_slice()));
-    let spacing_of = |centres: &IdVec<VertexId, DVec3>| known.spacing.or_else(|| surface::spacing(centres));
+    let spacing_of =
+        |centres: &IdVec<VertexId, DVec3>| known.spacing.or_else(|| surface::spacing(centres));
     let mut spacing = spacing_of(&centres);
-    let mut lone = 0;
+    let mut alone = samples.of.map(|_| Vec::new());
     if has_readings && samples.of.len() > 1 {
         let near;
         let neighbours = match (&known.neighbours, spacing) {
@@ -117,7 +118,7 @@ pub(super) fn estimate(
                 &near
             }
         };
-        lone = samples.drop_lone(neighbours);
+        alone = samples.take_lone(neighbours);
         centres = samples
             .of
             .enumerate()
@@ -131,12 +132,11 @@ pub(super) fn estimate(
     let (normals, has_outside) = normals_of(samples, &centres, spacing, (known, frames));
     let (depth, contact) = typical_contact(samples, &centres, &normals, known.taxel_radius);
     let reach = FARTHEST_REACHES * (contact + known.taxel_radius);
-    if !profiles.is_empty() {
-        for (taxel, of) in samples.of.iter_mut().enumerate() {
-            let centre = centres[VertexId::new(taxel)];
-            of.retain(|sample| sample.centre.distance(centre) <= reach.max(spacing.unwrap_or(0.0)));
-        }
-    }
+    let lone = if profiles.is_empty() {
+        alone.iter().map(Vec::len).sum()
+    } else {
+        samples.keep_near(&alone, &centres, reach.max(spacing.unwrap_or(0.0)))
+    };
     let mut all = Estimates {
         spacing,
         profiles,
