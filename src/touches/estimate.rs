@@ -106,7 +106,7 @@ pub(super) fn estimate(
     let spikes = if has_readings { drop_gross(samples, log) } else { Vec::new() };
     let mut centres = samples.of.map(|of| strong_centre(of.as_slice()));
     let spacing_of =
-        |centres: &IdVec<VertexId, DVec3>| known.spacing.or_else(|| surface::spacing(centres));
+        |centres: &IdVec<VertexId, DVec3>| known.spacing.or_else(|| surface::spacing_of_guesses(centres));
     let mut spacing = spacing_of(&centres);
     let mut alone = samples.of.map(|_| Vec::new());
     if has_readings && samples.of.len() > 1 {
