@@ -63,7 +63,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "LENGTH|0", value_parser = length_or_0, allow_hyphen_values = true, help_heading = "Body", hide_short_help = true)]
     across: Option<f64>,
     /// Side of a pixel of the images, in mm on the map [default: 1, or larger where that would make
-    /// more than 256 pixels a taxel]
+    /// more than 256 pixels a taxel, or 4 million in all]
     #[arg(long = "pixel-mm", value_name = "MM", value_parser = side_mm, help_heading = "Images")]
     pixel: Option<f64>,
     /// Map the patches that can be mapped; exit code 1 if others were left out
@@ -249,7 +249,7 @@ fn note_built(built: &Built, common: &Common) {
         note!(
             common,
             "the images have pixels of {pixel_mm} mm, as with --pixel-mm {pixel_mm}: at 1 mm they would have {more:.0} \
-                 megapixels, more than 256 a taxel"
+                 megapixels, more than 256 a taxel or 4 in all"
         );
     }
 }
