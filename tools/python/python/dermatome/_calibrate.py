@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 from dermatome._bodies import BodyCalibration, bodies_of
 from dermatome._dermatome import Calibration, Map, Observations, Skin, calibrate_taxels, fit_bodies
 from dermatome._errors import DataError, check_kind
+from dermatome._kinds import is_mapping
 
 if TYPE_CHECKING:
     _Path = str | os.PathLike[str]
@@ -192,7 +193,7 @@ def options_of_bodies(given: dict[str, Any]) -> tuple[Any, dict[str, Any]]:
     """The modules, and the other options as the library takes them."""
     options = dict(given)
     modules = options.pop("modules")
-    if isinstance(modules, Mapping):
+    if is_mapping(modules):
         modules = {int(taxel): str(module) for taxel, module in modules.items()}
     for name, known in (("fit_probe", PROBE), ("fit_standoff", STANDOFF)):
         value = options[name]

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from dermatome._dermatome import Map, as_floats, condition_readings
 from dermatome._errors import DataError, number_of
+from dermatome._kinds import is_mapping
 
 if TYPE_CHECKING:
     from dermatome._readings import Readings
@@ -33,7 +33,8 @@ def condition(readings: Readings, map: Map, options: Options) -> Readings:
     import numpy as np
 
     of_map = readings.on(map)
-    values, times, split, baseline = of_map.values, of_map.timestamps, options.split, options.baseline
+    values, times, split = of_map.values, of_map.timestamps, options.split
+    baseline: Any = options.baseline
     if options.rate is not None:
         rate = number_of("rate", options.rate, "a number above 0")
         if not 0 < rate < float("inf"):
@@ -62,11 +63,12 @@ def condition(readings: Readings, map: Map, options: Options) -> Readings:
         with np.errstate(invalid="ignore"):  # Infinite readings are missing ones.
             values, baseline = values - per_taxel("baseline", baseline, shape), 0
     gains: list[tuple[Any, Any]] = []
-    if isinstance(options.gain, Mapping):
-        gains = list(options.gain.items())
-    elif options.gain is not None and follows:
-        gains = _by_id(map, per_taxel("gain", options.gain, shape))
-    elif options.gain is not None:
+    gain: Any = options.gain
+    if is_mapping(gain):
+        gains = list(gain.items())
+    elif gain is not None and follows:
+        gains = _by_id(map, per_taxel("gain", gain, shape))
+    elif gain is not None:
         # Before the mean of frames is subtracted: the result is the same.
         values = values * per_taxel("gain", options.gain, shape)
     clip = None if options.clip is None else tuple(as_floats("clip", options.clip).ravel().tolist())

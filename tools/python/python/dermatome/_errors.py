@@ -39,7 +39,7 @@ class ArgumentError(DataError, TypeError):
         if said:
             self.args = (f"{said[1]}: {self}",)
         else:
-            super().add_note(note)
+            super().add_note(note)  # type: ignore[misc, unused-ignore]  # pyright: ignore
 
 
 class FileError(Error, OSError):

@@ -196,8 +196,9 @@ def follow(
     check_options(cad, taxels, bodies)
     if every < 1:
         raise DataError(f"every: found {every}; needed: a number of touches, at least 1")
-    if isinstance(rows, (str, bytes, Mapping, Observations)):
-        raise DataError(f"rows: found {type(rows).__name__}; needed: an iterable of lines or of touches")
+    kind = type(rows)
+    if issubclass(kind, (str, bytes, Mapping, Observations)):
+        raise DataError(f"rows: found {kind.__name__}; needed: an iterable of lines or of touches")
     if cad is None:
         return Following(rows, TouchFollower.of_taxels(taxels, every, threads), unit)
     return Following(rows, TouchFollower.of_bodies(cad, *options_of_bodies(bodies), every, threads), unit)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal
@@ -100,10 +101,10 @@ class Readings:
         """
         stored, measured = _stored(path)
         arrays = read_readings(path, stored or layout or "tnc")
-        remarks = []
+        remarks: list[str] = []
         if stored and layout not in (None, stored) and arrays["values"].shape[1] > 1:
             remarks.append(f"the layout is {stored!r}, as the file says, and not {layout!r}")
-        readings = _of(arrays)
+        readings = of_arrays(arrays)
         if measured is not None and measured.shape == readings.values.shape:
             readings = replace(readings, measured=measured)
         if not _any_finite(readings.timestamps):
@@ -241,7 +242,7 @@ class Readings:
         DataError
             If they have another shape.
         """
-        array = as_floats("values", values)
+        array: Any = as_floats("values", values)
         shape = self.values.shape
         if array.shape not in (shape, (shape[0], shape[2]) if shape[1] == 1 else shape):
             raise DataError(f"values: found shape {array.shape}; needed: {shape}")
@@ -280,8 +281,8 @@ class Readings:
         """
         import numpy as np
 
-        known = np.arange(self.values.shape[2]) if self.ids is None else self.ids
-        gone = np.asarray(ids).ravel()
+        known: Any = range(self.values.shape[2]) if self.ids is None else self.ids
+        gone: NDArray[Any] = np.asarray(ids).ravel()
         missing = ~np.isin(gone, known)
         if missing.any():
             raise DataError(f"ids: found {gone[missing][0]}; needed: {'places' if self.ids is None else 'ids'} of taxels of the recording")
@@ -333,10 +334,10 @@ class Readings:
         import numpy as np
 
         if isinstance(frames, tuple):
-            raise DataError(f"frames: found {len(frames)} indices; needed: one, of frames; values[...] are numbers")
+            raise DataError("frames: found several indices; needed: one, of frames; values[...] are numbers")
         if np.ndim(frames) == 0 and not isinstance(frames, slice):
             try:
-                frames = [int(range(len(self))[frames])]
+                frames = [range(len(self))[operator.index(frames)]]
             except TypeError:
                 needed = "a number, a slice or an array of numbers; select(channel) and drop(ids) choose channels and taxels"
                 raise ArgumentError(f"frames: found {frames!r}; needed: {needed}") from None
@@ -490,15 +491,17 @@ class Readings:
         measured = pooled
         if of_map.measured is not None:
             measured = replace(of_map, values=np.where(of_map.measured, of_map.values, np.nan)).pooled(map, level)
-        made, names = {}, keys(map, level)
+        made: dict[str, dict[str, Any]] = {}
+        names = keys(map, level)
         for name, _, fields in fields_of(map, level):
-            part = pooled[:, :, fields]
+            part: Any = pooled[:, :, fields]
             known, shape = np.isfinite(part), (part.shape[1] * part.shape[2],)
+            values: Any = np.where(known, part, np.float32(0))
             made[names[name]] = {
                 "dtype": "float32",
                 "shape": shape,
                 "names": None,
-                "values": np.where(known, part, np.float32(0)).reshape(len(part), *shape),
+                "values": values.reshape(len(part), *shape),
                 "valid": np.isfinite(measured[:, :, fields]).all(axis=1),
             }
         return made
@@ -718,7 +721,8 @@ class Readings:
             raise FileError(f"{path}: cannot be written: {error}", "io") from error
 
 
-def _of(arrays: dict[str, Any]) -> Readings:
+def of_arrays(arrays: dict[str, Any]) -> Readings:
+    """A recording that the library has read or made."""
     made = Readings(arrays["values"], arrays["ids"], arrays["timestamps"], tuple(arrays["channels"]), tuple(arrays["units"]))
     is_tared, threshold = arrays["rest"]
     return replace(made, is_tared=is_tared, threshold=threshold)

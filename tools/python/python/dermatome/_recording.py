@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from dermatome._dermatome import Layout, Map, Skin
 from dermatome._errors import DataError, FileError
@@ -69,7 +69,7 @@ class Recording:
         if episode is not None and (not isinstance(episode, int) or isinstance(episode, bool) or episode < 0):
             raise DataError(f"episode: found {episode!r}; needed: a whole number from 0")
         # The order of three axes of an array, as a word.
-        self._axes = layout if layout in ("tnc", "tcn") else None
+        self._axes: Literal["tnc", "tcn"] | None = layout if layout in ("tnc", "tcn") else None
         self.layout = layout_of(None if self._axes else layout)
         self.episode = episode
         self._given = stream
@@ -382,8 +382,9 @@ class Recording:
             axis = self.layout.frame_axis if self.layout else 0
             if self.layout and "episode" in self.layout.axes:
                 raise DataError(f"{self.path}: found an axis 'episode' in the layout; needed: axes without it: only an array of numpy has one")
-            self._track = container.joined(self.layout) if self.layout else None
-            self._track = self._track or container.track(container.choose(self._wanted), axis)
+            joined: Track | None = container.joined(self.layout) if self.layout else None
+            self._track = joined or container.track(container.choose(self._wanted), axis)
+        assert self._track is not None
         return self._track
 
     def _new_decoder(self, zero: Any = None) -> Any:
@@ -414,7 +415,7 @@ def _stated(track: Track, layout: Any) -> dict[str, Any]:
     return says
 
 
-def layout_of(given: Any) -> Any:
+def layout_of(given: Layout | str | os.PathLike[str] | Mapping[str, Any] | None) -> Layout | None:
     """A layout, of a file, an object or a dict."""
     if given is None or isinstance(given, Layout):
         return given

@@ -175,7 +175,7 @@ def order(
 
 
 def _arrays(map: Map, readings: Readings | Sequence[Readings]) -> list[_Arrays]:
-    arrays = []
+    arrays: list[_Arrays] = []
     for name, each in _every(readings):
         try:
             arrays.append(_of_one(each.on(map)))

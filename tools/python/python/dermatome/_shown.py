@@ -18,7 +18,7 @@ AT_ONCE = 256
 def table(map: Map) -> str:
     """The map as HTML: its picture, and the measures of each level."""
     heads = "".join(f"<th>{name}</th>" for name in ("patch", "link", "level", "fields", "distortion of angles", "of areas", "flips"))
-    rows = []
+    rows: list[str] = []
     for name, patch in map.patches.items():
         for level in patch.levels:
             worst = level.distortion

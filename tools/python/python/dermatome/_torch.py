@@ -29,7 +29,7 @@ class _Gather(torch.nn.Module):  # type: ignore[misc, unused-ignore]
     weights: torch.Tensor
 
     def __init__(self, rows: Any, columns: Any, weights: Any, shape: tuple[int, int]) -> None:
-        super().__init__()
+        super().__init__()  # pyright: ignore[reportUnknownMemberType]
         self.shape = (int(shape[0]), int(shape[1]))
         self.keep("rows", rows, np.int64)
         self.keep("columns", columns, np.int64)
@@ -197,7 +197,7 @@ class Touches(torch.utils.data.Dataset):  # type: ignore[misc, type-arg, unused-
     fill : float
         What is drawn where nothing is known.
     threshold : float, optional
-        That of the `ContactTracker`.
+        That of the `ContactTracker`; by default that of the file, or else estimated.
     actions : (T, A) array_like, optional
         What a policy did in each frame: `action` (A,) float32 of the sample.
     history : int
@@ -235,7 +235,9 @@ class Touches(torch.utils.data.Dataset):  # type: ignore[misc, type-arg, unused-
         if history < 1:
             raise DataError(f"history: found {history}; needed: a number of frames above 0")
         self.history, self.transform = int(history), transform
-        self.actions = None if actions is None else np.asarray(actions, dtype=np.float32).reshape(len(actions), -1)
+        self.actions: Any = None if actions is None else np.asarray(actions, dtype=np.float32)
+        if self.actions is not None:
+            self.actions = self.actions.reshape(len(self.actions), -1)
         if self.actions is not None and len(self.actions) != len(readings):
             raise DataError(f"actions: found {len(self.actions)} rows; needed: {len(readings)}, one for each frame")
         self.map, self.readings, self.level, self.patch, self.fill = map, readings.on(map), level, patch, fill
@@ -265,9 +267,9 @@ class Touches(torch.utils.data.Dataset):  # type: ignore[misc, type-arg, unused-
         """Some frames at once, which a loader asks for."""
         chosen = np.asarray([range(len(self))[int(frame)] for frame in frames], dtype=np.int64)
         # Each frame with those before it, of which every one is drawn once.
-        back = np.maximum(chosen[:, None] + np.arange(1 - self.history, 1), 0)
-        drawn, places = np.unique(back, return_inverse=True)
-        places = places.reshape(back.shape)
+        back: Any = np.maximum(chosen[:, None] + np.arange(1 - self.history, 1), 0)
+        drawn: Any = np.unique(back)
+        places = drawn.searchsorted(back)
         part = self.readings[drawn]
         images, fields = self._made()(part.values, threads=1), part.pooled(self.map, self.level, threads=1)
         mask, valid = np.isfinite(images), np.isfinite(fields)

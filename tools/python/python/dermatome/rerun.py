@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from dermatome._adapter import fields_of, need
 from dermatome._dermatome import Map
 from dermatome._readings import Readings

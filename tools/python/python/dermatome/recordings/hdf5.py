@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -126,7 +127,7 @@ class Hdf5(Container):
             if found != needed:
                 raise DataError(f"{where}: found {found} of {needed} chunks; needed: all; HDF5 gives {dataset.fillvalue} for the others, which looks like a reading")
             # No filter makes a chunk much larger; one that is may become anything.
-            dataset.id.chunk_iter(lambda chunk: _small_chunk(where, chunk, 2 * most + (1 << 16)))
+            dataset.id.chunk_iter(partial(_check_chunk, where, 2 * most + (1 << 16)))
         elif dataset.id.get_storage_size() < item * math.prod(shape):
             found = dataset.id.get_storage_size()
             raise DataError(f"{where}: found {found} bytes for the shape {shape}; needed: {item * math.prod(shape)}; HDF5 gives {dataset.fillvalue} for the others, which looks like a reading")
@@ -147,7 +148,7 @@ class Hdf5(Container):
         raise DataError(f"{self.path}: found no {name!r} beside {stream}, which the layout names; needed: one of {known}, or `rate` in the layout")
 
 
-def _small_chunk(where: str, chunk: Any, most: int) -> None:
+def _check_chunk(where: str, most: int, chunk: Any) -> None:
     if chunk.size > most:
         needed = f"at most {most}; needed: the file as it was written"
         raise DataError(f"{where}: found {chunk.size} bytes in the chunk at {chunk.chunk_offset}, of {needed}")
@@ -163,7 +164,7 @@ def _attributes(dataset: Any) -> dict[str, Any]:
     for owner in (dataset.file, dataset.parent, dataset):
         for key in ("unit", "units", *RATES):
             try:
-                value = owner.attrs.get(key)
+                value: Any = owner.attrs.get(key)
             except (OSError, TypeError):
                 continue
             if isinstance(value, bytes):
@@ -201,12 +202,12 @@ class Hdf5Track(Track):
                     rows = np.where(good.reshape(-1, *[1] * (rows.ndim - 1)), rows, np.nan)
                     self.state("validity", f"{int((~good).sum())} frames of episode {number} from frame {start} on are not valid: no readings there")
                 at = None if times is None else self._read(times, slice(start, stop)).ravel()
-                rest = None
+                rest: Any = None
                 if zeros is not None:
                     rest = self._read(zeros, ()) if zeros.shape == self.cells else self._read(zeros, slice(start, stop))
                 for first in range(0, len(rows), frames):
                     part = slice(first, first + frames)
-                    own = rest if rest is None or zeros.shape == self.cells else rest[part]
+                    own = rest if zeros is None or zeros.shape == self.cells else rest[part]
                     yield Block(number, rows[part], None if at is None else at[part], own)
 
     def _step(self, dataset: Any, frames: int) -> int:

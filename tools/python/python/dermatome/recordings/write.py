@@ -229,7 +229,7 @@ def write_lerobot(recording: Any, path: Any, map: Any, level: int, repo_id: str 
     arrays, about = ({key: each[k] for key, each in features.items()} for k in (0, 1))
     made = need("lerobot.datasets.compute_stats", "lerobot").compute_episode_stats(arrays, about)
     file = Path(path) / "meta/stats.json"
-    known = json.loads(file.read_text()) if file.is_file() else {}
+    known: dict[str, Any] = json.loads(file.read_text()) if file.is_file() else {}
     known |= {key: {word: np.asarray(numbers).tolist() for word, numbers in each.items()} for key, each in made.items()}
     file.write_text(json.dumps(known, indent=4))
     return dataset_module.LeRobotDataset(copy, root=Path(path))
