@@ -43,6 +43,8 @@ mod landmarks;
 mod place;
 mod seam;
 
+use std::fmt;
+
 use glam::DVec2;
 
 use crate::cut::PlaceId;
@@ -99,6 +101,20 @@ pub struct RegisteredPatch {
     pub missed: f64,
     /// In how many steps the map was bent.
     pub steps: u32,
+}
+
+impl fmt::Display for RegisteredPatch {
+    /// Where the patch lies, in a sentence.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { name, atlas, landmarks, scale, missed, steps, .. } = self;
+        let steps = if *steps == 1 { "one step".to_owned() } else { format!("{steps} steps") };
+        write!(
+            f,
+            "{name}: on the atlas patch {atlas} by {landmarks} landmarks, {scale:.3} times as large; they missed it by \
+             {:.1} mm before the map was bent, in {steps}",
+            1e3 * missed
+        )
+    }
 }
 
 impl Registered {

@@ -8,12 +8,11 @@ use dermatome::cut::Cut;
 use dermatome::io::{map_hash, read_landmarks, read_map};
 use dermatome::map::SkinMap;
 use dermatome::pipeline::{BuildOptions, Built};
-use dermatome::registration::{Landmarks, Onto, Registered, RegisteredPatch, carried_seams};
+use dermatome::registration::{Landmarks, Onto, Registered, carried_seams};
 use dermatome::skin::{Skin, Taxels};
 
 use crate::console::errors::advise;
 use crate::console::notes::{note, note_columns};
-use crate::console::print::plain;
 use crate::options::Common;
 use crate::options::paths::{InPath, LandmarkSource, landmark_source};
 
@@ -116,15 +115,6 @@ fn atlas_name(path: &Path) -> String {
 }
 
 fn note_registered(registered: &Registered, common: &Common) {
-    registered.remarks().iter().for_each(|remark| note!(common, "{}", plain(remark)));
-    for patch in &registered.patches {
-        let RegisteredPatch { atlas, landmarks, scale, missed, steps, .. } = patch;
-        let (name, atlas, missed_mm) = (plain(&patch.name), plain(atlas), 1e3 * missed);
-        let steps = if *steps == 1 { "one step".to_owned() } else { format!("{steps} steps") };
-        note!(
-            common,
-            "{name}: on the atlas patch {atlas} by {landmarks} landmarks, {scale:.3} times as large; they missed it by \
-             {missed_mm:.1} mm before the map was bent, in {steps}"
-        );
-    }
+    registered.remarks().iter().for_each(|remark| note!(common, "{remark}"));
+    registered.patches.iter().for_each(|patch| note!(common, "{patch}"));
 }

@@ -50,6 +50,10 @@ class MissingFileError(FileError, FileNotFoundError):
     """A file that does not exist."""
 
 
+class DermatomeWarning(UserWarning):
+    """What was done is other than may be expected, as `build` says of a map that is poor or of a patch that is left out."""
+
+
 def check_kind(argument: str, value: object, kind: type | tuple[type, ...], needed: str) -> None:
     """Refuses an argument of another type."""
     if not isinstance(value, kind):
@@ -79,5 +83,5 @@ A_MAP = "a Map, as dermatome.build or Map.read makes it"
 READINGS = "Readings, as Readings.read(path) reads them"
 
 
-for _class in (Error, DataError, ArgumentError, FileError, MissingFileError):
+for _class in (Error, DataError, ArgumentError, FileError, MissingFileError, DermatomeWarning):
     _class.__module__ = "dermatome"
