@@ -110,7 +110,7 @@ impl Channel {
 
 /// The number of the channel that is meant where none is named: the first of touch, other than tangential, else the first
 /// of touch, else the first.
-pub(crate) fn main_channel(kinds: impl Iterator<Item = ChannelKind> + Clone) -> usize {
+pub fn main_channel(kinds: impl Iterator<Item = ChannelKind> + Clone) -> usize {
     let is_touch = |kind| kind == ChannelKind::Touch;
     kinds.clone().position(is_touch).or_else(|| kinds.clone().position(ChannelKind::is_of_touch)).unwrap_or(0)
 }

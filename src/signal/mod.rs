@@ -30,8 +30,7 @@ mod zero;
 
 pub use body_fields::BodyFields;
 pub use carry::Carry;
-pub use channel::Channel;
-pub(crate) use channel::main_channel;
+pub use channel::{Channel, main_channel};
 pub(crate) use clock::{Clock, Tick};
 pub use condition::{ConditionOptions, ConditionReport, Conditioner, Zero};
 pub use contacts::{ContactEvent, ContactRegion, ContactTracker, Probe, Rest, TrackerOptions, TrackerState};

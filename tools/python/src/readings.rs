@@ -6,8 +6,8 @@ use dermatome::{
     io::{KnownRest, Readings, ReadingsLayout, ReadingsReader, SummaryCell, summary_rows},
     recording::{Fill, Recording, RecordingOptions, in_order},
     signal::{
-        Channel, ChannelKind, ConditionOptions, Quantity, Response, Summary, Touch, TouchOptions,
-        TouchSimulation, TrackerOptions, Zero,
+        Channel, ConditionOptions, Quantity, Response, Summary, Touch, TouchOptions, TouchSimulation,
+        TrackerOptions, Zero,
     },
     skin::{Presence, TaxelId},
 };
@@ -252,18 +252,15 @@ pub(crate) fn summarise_readings<'py>(
     Ok((list, threshold, gaps))
 }
 
-/// The number of the first channel that measures touches and is not tangential; 0 if none does.
+/// The number of the channel that is meant where none is named.
 #[pyfunction]
-pub(crate) fn touch_channel(
+pub(crate) fn main_channel(
     #[pyo3(from_py_with = arg)] channels: Vec<String>,
     #[pyo3(from_py_with = arg)] units: Vec<String>,
 ) -> PyResult<usize> {
-    for (k, (name, unit)) in channels.iter().zip(&units).enumerate() {
-        if Channel::new(name, unit).map_err(error)?.kind == ChannelKind::Touch {
-            return Ok(k);
-        }
-    }
-    Ok(0)
+    let kind = |(name, unit): (&String, &String)| Ok(Channel::new(name, unit).map_err(error)?.kind);
+    let kinds: Vec<_> = channels.iter().zip(&units).map(kind).collect::<PyResult<_>>()?;
+    Ok(dermatome::signal::main_channel(kinds.into_iter()))
 }
 
 /// Whether a channel of this name and unit is an amount, as a force, and not an average.
@@ -273,6 +270,15 @@ pub(crate) fn is_extensive(
     #[pyo3(from_py_with = arg)] unit: &str,
 ) -> PyResult<bool> {
     Ok(Channel::new(name, unit).map_err(error)?.quantity == Quantity::Extensive)
+}
+
+/// Whether a channel of this name and unit measures touches, so that zeros and gains concern it.
+#[pyfunction]
+pub(crate) fn is_of_touch(
+    #[pyo3(from_py_with = arg)] name: &str,
+    #[pyo3(from_py_with = arg)] unit: &str,
+) -> PyResult<bool> {
+    Ok(Channel::new(name, unit).map_err(error)?.kind.is_of_touch())
 }
 
 /// An argument as an array of real numbers, or an error that names it.

@@ -407,7 +407,8 @@ class Readings:
         scale, offset : float, (N,) or (C, N) array_like
             What readings are multiplied by and what is then added to them, as from counts to Pa.
         baseline : int, (N,) or (C, N) array_like
-            What is subtracted; a number: the mean of this many first frames.
+            What is subtracted; a number: the mean of this many first frames. Of channels that measure touches, as zero and gain;
+            arrays (C, N) have numbers for all channels.
         zero : "follow", "stored" or float, (N,) or (C, N) array_like, optional
             Instead of a baseline: the zero of each taxel is followed where nothing touches, is that of `response`, or is
             known.
@@ -578,13 +579,13 @@ class Readings:
         >>> whole["group"], whole["taxels"], whole["force_peak"] > 0
         ('whole', 81.0, True)
         """
-        from dermatome._dermatome import summarise_readings, touch_channel
+        from dermatome._dermatome import main_channel, summarise_readings
 
         joined = self.on(map)
         names = joined.channels or ("",)
         if channel is not None and channel not in names:
             raise DataError(f"channel: found {channel!r}; needed: one of {list(names)}")
-        number = touch_channel(joined.channels, joined.units) if channel is None else names.index(channel)
+        number = main_channel(joined.channels, joined.units) if channel is None else names.index(channel)
         unit = joined.units[number] if joined.units else ""
         rows, found, _ = summarise_readings(
             map,

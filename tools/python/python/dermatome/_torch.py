@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import torch  # type: ignore[import-not-found, unused-ignore]
 
-from dermatome._dermatome import ContactTracker, Map, Renderer
+from dermatome._dermatome import ContactTracker, Map, Renderer, main_channel
 from dermatome._errors import DataError
 from dermatome._readings import Readings
 from dermatome._weights import marks, shares
@@ -187,7 +187,8 @@ class Touches(torch.utils.data.Dataset):  # type: ignore[misc, type-arg, unused-
     readings : Readings
         The recording, in the order of the map or with ids.
     truth : dict, optional
-        The contacts of these frames, as `touch` returns them, its `time` that of the frame; by default a `ContactTracker` finds them in channel 0.
+        The contacts of these frames, as `touch` returns them, its `time` that of the frame; by default a `ContactTracker` finds them in the first channel that
+        measures touches.
     level : int
         The level of the fields.
     size : sequence of int
@@ -336,9 +337,13 @@ def _truth(map: Map, readings: Readings, truth: dict[str, Any]) -> dict[str, Any
 
 def _tracked(map: Map, readings: Readings, threshold: float | None) -> dict[str, Any]:
     contacts, numbers = _blank(len(readings)), {name: number for number, name in enumerate(map.patches)}
-    tracker = ContactTracker(map, unit=readings.units[0] or "Pa", threshold=threshold)
-    for frame, values in enumerate(readings.values[:, 0]):
-        for contact in tracker.track(values):
+    channel = main_channel(readings.channels, readings.units)
+    unit = readings.units[channel] if readings.units else ""
+    threshold = readings.threshold if threshold is None else threshold
+    tracker = ContactTracker(map, unit=unit or "Pa", threshold=threshold, tared=readings.is_tared)
+    times = [time if np.isfinite(time) else None for time in readings.timestamps.tolist()]
+    for frame, (values, time) in enumerate(zip(readings.values[:, channel], times)):
+        for contact in tracker.track(values, time):
             if contact["event"] != "release":
                 force = contact["force"] if np.isfinite(contact["force"]) else contact["peak"]
                 _put(contacts, frame, float(force), contact["centre"], numbers[contact["patch"]])

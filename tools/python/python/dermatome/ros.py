@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from dermatome._adapter import fields_of, level_of, need, patch_of
-from dermatome._dermatome import Map
+from dermatome._dermatome import Map, main_channel
 from dermatome._errors import A_MAP, READINGS, DataError, FileError, MissingFileError, check_kind
 from dermatome._messages import Wanted, field_of, kind_of, numbers_of, points_of
 from dermatome._readings import Readings
@@ -177,7 +177,7 @@ def _refuse_fields(map: Map, ids: Any, count: int) -> None:
 
 
 def write(
-    path: Any, map: Map, readings: Readings, *, level: int = 0, patch: str | None = None, channel: int = 0, topic: str = "/skin"
+    path: Any, map: Map, readings: Readings, *, level: int = 0, patch: str | None = None, channel: int | None = None, topic: str = "/skin"
 ) -> None:
     """Write images (`TOPIC/image`, 32FC1) and points with values (`TOPIC/points`) of a recording to a bag of ROS 2.
 
@@ -193,8 +193,8 @@ def write(
         The level; a patch without it has its coarsest level.
     patch : str, optional
         The patch; by default all of them, in topics `TOPIC/PATCH/image` and `TOPIC/PATCH/points` if there are several.
-    channel : int
-        The channel.
+    channel : int, optional
+        The channel; by default the first that measures touches.
 
     Raises
     ------
@@ -211,6 +211,7 @@ def write(
     check_kind("map", map, Map, A_MAP)
     check_kind("readings", readings, Readings, READINGS)
     readings = readings.on(map)
+    channel = main_channel(readings.channels, readings.units) if channel is None else channel
     if not -len(readings.channels) <= channel < len(readings.channels):
         raise DataError(f"channel: found {channel}; needed: one of {len(readings.channels)}")
     values, extensive = readings.values[:, channel], readings.extensive[channel]
