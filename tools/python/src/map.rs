@@ -852,6 +852,9 @@ impl PyMap {
         #[pyo3(from_py_with = arg)] extensive: bool,
         ax: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<PyPicture> {
+        if let Some(ax) = ax.filter(|ax| !ax.hasattr("imshow").unwrap_or(false)) {
+            return Err(bad("ax", found(ax), "axes of matplotlib"));
+        }
         let map = slf.get();
         let level = |&found: &i64| self::level("levels", found, map.levels());
         let levels = levels.unwrap_or_default().iter().map(level).collect::<PyResult<_>>()?;

@@ -18,7 +18,7 @@ use pyo3::{
 };
 
 use crate::{
-    arguments::{arg, object},
+    arguments::{arg, object, object_or_none},
     arrays::{bad_shape, floats, matrix, one_each, one_number_each, shaped, vector},
     errors::{bad, error},
     jobs::{Stop, run, run_here},
@@ -123,7 +123,7 @@ pub(crate) fn condition_readings<'py>(
     #[pyo3(from_py_with = arg)] baseline: i64,
     #[pyo3(from_py_with = arg)] zero: Option<&str>,
     gains: Vec<(u32, f64)>,
-    response: Option<&Bound<'py, PyResponse>>,
+    #[pyo3(from_py_with = object_or_none)] response: Option<&Bound<'py, PyResponse>>,
     #[pyo3(from_py_with = arg)] clip: Option<[f64; 2]>,
     #[pyo3(from_py_with = arg)] split_hz: Option<f64>,
     #[pyo3(from_py_with = arg)] fill: &str,

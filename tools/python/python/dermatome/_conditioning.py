@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from dermatome._dermatome import Map, as_floats, condition_readings, is_of_touch
-from dermatome._errors import DataError, number_of
+from dermatome._errors import DataError, number_of, whole_of
 from dermatome._kinds import is_mapping
 
 if TYPE_CHECKING:
@@ -65,7 +65,7 @@ def condition(readings: Readings, map: Map, options: Options) -> Readings:
     gains: list[tuple[Any, Any]] = []
     gain: Any = options.gain
     if is_mapping(gain):
-        gains = list(gain.items())
+        gains = [(whole_of("gain", taxel, "ids of taxels"), number_of("gain", number, "numbers")) for taxel, number in gain.items()]
     elif gain is not None and follows:
         gains = _by_id(map, per_taxel("gain", gain, shape))
     elif gain is not None:

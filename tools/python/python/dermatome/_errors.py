@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 import os
 import re
 from typing import Any
@@ -76,6 +77,14 @@ def number_of(argument: str, value: object, needed: str) -> float:
     except (TypeError, ValueError, OverflowError):
         pass
     raise ArgumentError(f"{argument}: found {str(value)[:40]!r}; needed: {needed}")
+
+
+def whole_of(argument: str, value: object, needed: str) -> int:
+    """A whole number; an error of another argument."""
+    try:
+        return operator.index(value)  # type: ignore[arg-type]
+    except TypeError:
+        raise ArgumentError(f"{argument}: found {str(value)[:40]!r}; needed: {needed}") from None
 
 
 #: What takes the place of another type, in messages.

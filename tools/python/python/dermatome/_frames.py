@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from dermatome._errors import DataError, number_of
+from dermatome._errors import ArgumentError, DataError, number_of
 
 if TYPE_CHECKING:
     from dermatome._dermatome import Map
@@ -43,6 +43,8 @@ def from_pandas(make: Any, table: Any, units: Any) -> Readings:
     """A `DataFrame`: a row a frame, a column a taxel."""
     import numpy as np
 
+    if not hasattr(table, "columns") or not hasattr(table, "index"):
+        raise ArgumentError(f"table: found {type(table).__name__}; needed: a DataFrame")
     columns, index = list(table.columns), table.index
     ids: list[int] = []
     for column in columns:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from dermatome._dermatome import Map, Observations, Skin, contacts_of_log
-from dermatome._errors import READINGS, DataError, check_kind
+from dermatome._errors import READINGS, DataError, check_kind, number_of, whole_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Sequence
 
     from numpy.typing import ArrayLike
 
@@ -91,6 +91,13 @@ def touches(
     >>> contacts, summary["touches"]
     (<dermatome.Observations: 3 taxels, 0 displacements, 4 contacts>, 2)
     """
+    for name, number in (("radius", radius), ("stiffness", stiffness), ("arm_noise", arm_noise), ("threshold", threshold)):
+        if number is not None:
+            number_of(name, number, "a number, or None")
+    taxel_radius = number_of("taxel_radius", taxel_radius, "a length in m")
+    check_kind("link", link or "", str, "the name of a link")
+    check_kind("pose", pose or "", (str, os.PathLike), "a path")
+    check_kind("skip", skip, Iterable, "ids of taxels")
     if joints is not None and not isinstance(joints, (str, os.PathLike)):
         check_kind("joints", joints, Mapping, "a value for each joint by its name, or the path of a table")
     arguments = {
@@ -104,7 +111,7 @@ def touches(
         "taxel_radius": taxel_radius,
         "stiffness": stiffness,
         "arm_noise": arm_noise,
-        "skip": [int(taxel) for taxel in skip],
+        "skip": [whole_of("skip", taxel, "ids of taxels") for taxel in skip],
         "threads": threads,
     }
     if threshold is not None and readings is None:
