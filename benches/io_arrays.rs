@@ -51,7 +51,13 @@ fn recordings(c: &mut Criterion) {
         group.throughput(Throughput::Elements(frames));
         group.bench_function(BenchmarkId::new("frames", frames), |b| {
             b.iter(|| {
-                let layout = RecordingLayout { channels: &channels, atlas: None, values: true, level: None };
+                let layout = RecordingLayout {
+                    channels: &channels,
+                    atlas: None,
+                    values: true,
+                    level: None,
+                    fields: None,
+                };
                 let mut recording = RecordingWriter::create(&path, &map, &layout)?;
                 (0..frames).try_for_each(|_| recording.write(&frame, &[]))?;
                 recording.finish()
@@ -68,8 +74,13 @@ fn recordings(c: &mut Criterion) {
     group.throughput(Throughput::Bytes(1000 * bytes as u64));
     group.bench_function("npz_1000_frames", |b| {
         b.iter(|| {
-            let layout =
-                RecordingLayout { channels: &channels, atlas: Some(&atlas), values: false, level: None };
+            let layout = RecordingLayout {
+                channels: &channels,
+                atlas: Some(&atlas),
+                values: false,
+                level: None,
+                fields: None,
+            };
             let mut recording = RecordingWriter::create(&path, &map, &layout)?;
             (0..1000).try_for_each(|_| recording.write(&frame, &images))?;
             recording.finish()

@@ -14,7 +14,7 @@
 use serde::Serialize;
 
 use crate::flatten::{Convergence, Distortion};
-use crate::map::{MapLevel, PatchMap, SkinMap};
+use crate::map::{MapLevel, OnPatch, PatchMap, SkinMap};
 use crate::mesh::boundary_loops;
 use crate::pyramid::LevelId;
 
@@ -25,6 +25,9 @@ pub struct PatchReport {
     pub name: String,
     /// Name of its link.
     pub link: String,
+    /// Where it lies on an atlas, if the map is drawn on that of another skin.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub atlas: Option<OnPatch>,
     /// Its levels, finest first.
     pub levels: Vec<LevelReport>,
 }
@@ -64,7 +67,32 @@ pub fn measure(map: &SkinMap) -> Vec<PatchReport> {
     let patch = |patch: &PatchMap| PatchReport {
         name: patch.name.clone(),
         link: map.links[patch.link].name.clone(),
+        atlas: patch.atlas.clone(),
         levels: patch.levels.enumerate().map(level).collect(),
     };
     map.patches.iter().map(patch).collect()
+}
+
+/// On what a map of a skin is drawn, in a sentence for the atlas and one for each patch; none for a free map.
+pub fn atlas_sentences(map: &SkinMap) -> Vec<String> {
+    let Some(on) = &map.atlas else { return Vec::new() };
+    let mirrored = if on.is_mirrored { ", mirrored: the skin is that of the other hand" } else { "" };
+    let of_patch = |patch: &PatchMap| {
+        let OnPatch { patch: of, landmarks, left_out, free_dirichlet } = patch.atlas.as_ref()?;
+        let left_out = if *left_out > 0 { format!(", {left_out} left out") } else { String::new() };
+        let energy = patch.levels.first()?.distortion.symmetric_dirichlet;
+        let above = free_dirichlet.map_or_else(String::new, |free| {
+            format!(
+                ", {:.3} {} the free map",
+                (energy - free).abs(),
+                if energy < free { "below" } else { "above" }
+            )
+        });
+        let name = &patch.name;
+        Some(format!(
+            "{name}: on its patch {of} by {landmarks} landmarks{left_out}; symmetric Dirichlet energy {energy:.3}{above}"
+        ))
+    };
+    let first = format!("on the map of {}{mirrored}", on.name);
+    std::iter::once(first).chain(map.patches.iter().filter_map(of_patch)).collect()
 }

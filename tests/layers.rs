@@ -32,7 +32,7 @@ const DOORS: &[(&str, &[&str])] = &[
     ("itoa", &["io/table"]),
     ("ply_rs_bw", &["io/mesh/ply.rs"]),
     ("roxmltree", &["io/file/xml.rs", "io/mesh/dae.rs", "io/mesh/threemf.rs", "io/robot"]),
-    ("serde", &["flatten/distortion.rs", "io", "page", "report.rs", "bin"]),
+    ("serde", &["flatten/distortion.rs", "map/on_atlas.rs", "io", "page", "report.rs", "bin"]),
     ("serde_json", &["io", "page", "bin"]),
     ("tempfile", &["io/file", "bin"]),
     ("zip", &["io/arrays", "io/mesh/threemf.rs"]),

@@ -30,13 +30,12 @@ use crate::Error;
 use crate::map::{PatchMap, SkinMap};
 use crate::page::pack::Packer;
 use crate::page::recording::{Recorder, RecordingHeader};
-use crate::page::skin::{LinkHeader, PatchHeader, pack_patch, sheet_offsets};
+use crate::page::skin::{SkinHeader, pack_skin};
 use crate::plot::{Paint, PlotOptions, plot_map};
 use crate::pyramid::LevelId;
 use crate::recording::Recording;
+use crate::report::atlas_sentences;
 use crate::signal::TrackerOptions;
-use crate::skin::link_names;
-use crate::unfold::Unfolding;
 
 /// The page without its data, made by `tools/page`.
 const PAGE: &[u8] = include_bytes!("page.html.gz");
@@ -62,6 +61,7 @@ const PICTURE_VERTICES: usize = 600;
 pub struct Page<'m> {
     map: &'m SkinMap,
     title: String,
+    atlas: Option<(&'m SkinMap, String)>,
     recorder: Option<Recorder<'m>>,
 }
 
@@ -70,11 +70,18 @@ pub struct Page<'m> {
 struct PageHeader<'a> {
     version: &'static str,
     title: &'a str,
-    links: Vec<LinkHeader>,
-    patches: Vec<PatchHeader>,
-    /// The names of the regions, which patches count from 1 on.
-    regions: Vec<String>,
+    #[serde(flatten)]
+    skin: SkinHeader,
+    /// The skin on whose map that of the other one will be drawn, and its name.
+    atlas: Option<AtlasHeader<'a>>,
     recording: Option<RecordingHeader>,
+}
+
+#[derive(Debug, Serialize)]
+struct AtlasHeader<'a> {
+    name: &'a str,
+    #[serde(flatten)]
+    skin: SkinHeader,
 }
 
 impl<'m> Page<'m> {
@@ -84,7 +91,18 @@ impl<'m> Page<'m> {
     /// If the map breaks a rule of [`SkinMap::validate`], or has no patch.
     pub fn new(map: &'m SkinMap, title: impl Into<String>) -> Result<Self, Error> {
         map.validate().map_err(Error::from)?;
-        Ok(Self { map, title: title.into(), recorder: None })
+        Ok(Self { map, title: title.into(), atlas: None, recorder: None })
+    }
+
+    /// Adds the skin whose map will be the atlas of this one: the page shows both side by side, proposes landmarks, takes
+    /// them by clicks and saves the table that [`read_landmarks`](crate::io::read_landmarks) reads.
+    ///
+    /// # Errors
+    /// If its map breaks a rule of [`SkinMap::validate`].
+    pub fn onto(&mut self, atlas: &'m SkinMap, name: impl Into<String>) -> Result<(), Error> {
+        atlas.validate().map_err(Error::from)?;
+        self.atlas = Some((atlas, name.into()));
+        Ok(())
     }
 
     /// Adds a recording to the page, which shows the channel of these options, its contact regions and, if its frames
@@ -128,10 +146,10 @@ impl<'m> Page<'m> {
     ///
     /// # Errors
     /// If the system of an unfolding does not fit into memory, or the map cannot be drawn.
-    pub fn to_html(self) -> Result<String, Error> {
+    pub fn to_html(mut self) -> Result<String, Error> {
         let mut packer = Packer::default();
-        let recording = self.recorder.map(|recorder| recorder.finish(&mut packer));
-        html(self.map, &self.title, recording, packer, &template())
+        let recording = self.recorder.take().map(|recorder| recorder.finish(&mut packer));
+        self.html(recording, packer, &template())
     }
 
     /// The page for a [`LiveServer`], and the converter of the frames of a recording for it: the channel
@@ -150,42 +168,37 @@ impl<'m> Page<'m> {
         // The page may fetch frames from its own server.
         let template =
             template().replacen("default-src 'none';", "default-src 'none'; connect-src 'self';", 1);
-        Ok((html(self.map, &self.title, Some(header), Packer::default(), &template)?, frames))
+        Ok((self.html(Some(header), Packer::default(), &template)?, frames))
     }
-}
 
-fn html(
-    map: &SkinMap,
-    title: &str,
-    recording: Option<RecordingHeader>,
-    mut packer: Packer,
-    template: &str,
-) -> Result<String, Error> {
-    let packer = &mut packer;
-    let (offsets, regions) = (sheet_offsets(map), map.regions());
-    let mut patches = Vec::new();
-    for ((patch, of_taxels), offset) in map.patches.iter().zip(&regions.of_taxels).zip(offsets) {
-        let unfolding = Unfolding::new(patch).map_err(|e| Error::from(e).in_patch(&patch.name))?;
-        patches.push(pack_patch(packer, map, patch, (&unfolding, of_taxels), offset));
+    fn html(
+        &self,
+        recording: Option<RecordingHeader>,
+        mut packer: Packer,
+        template: &str,
+    ) -> Result<String, Error> {
+        let (map, title) = (self.map, &*self.title);
+        let skin = pack_skin(&mut packer, map)?;
+        let atlas = self
+            .atlas
+            .as_ref()
+            .map(|(atlas, name)| Ok::<_, Error>(AtlasHeader { name, skin: pack_skin(&mut packer, atlas)? }));
+        let version = env!("CARGO_PKG_VERSION");
+        let header = PageHeader { version, title, skin, atlas: atlas.transpose()?, recording };
+        let data = packer.finish(&header);
+        let shown: Vec<&PatchMap> = map.patches.iter().take(PICTURE_PATCHES).collect();
+        let options = PlotOptions {
+            patches: shown.iter().map(|patch| patch.name.clone()).collect(),
+            levels: vec![picture_level(&shown)],
+            paint: Paint::Angle,
+            width_px: PICTURE_PX,
+            ..PlotOptions::default()
+        };
+        let picture = plot_map(map, &options)?.to_svg();
+        let fill =
+            [("TITLE", escape(title)), ("PICTURE", picture), ("NUMBERS", numbers(map)), ("DATA", data)];
+        Ok(filled(template, &fill))
     }
-    let links = map.links.iter().zip(link_names(&map.links));
-    let links =
-        links.map(|(link, name)| LinkHeader { name, parent: link.parent.map(|p| p.index()) }).collect();
-    let regions = regions.names.iter().map(ToString::to_string).collect();
-    let version = env!("CARGO_PKG_VERSION");
-    let header = PageHeader { version, title, links, patches, regions, recording };
-    let data = packer.finish(&header);
-    let shown: Vec<&PatchMap> = map.patches.iter().take(PICTURE_PATCHES).collect();
-    let options = PlotOptions {
-        patches: shown.iter().map(|patch| patch.name.clone()).collect(),
-        levels: vec![picture_level(&shown)],
-        paint: Paint::Angle,
-        width_px: PICTURE_PX,
-        ..PlotOptions::default()
-    };
-    let picture = plot_map(map, &options)?.to_svg();
-    let fill = [("TITLE", escape(title)), ("PICTURE", picture), ("NUMBERS", numbers(map)), ("DATA", data)];
-    Ok(filled(template, &fill))
 }
 
 /// The finest level that is small enough for the picture, else the coarsest.
@@ -246,6 +259,8 @@ fn numbers(map: &SkinMap) -> String {
         }
     }
     table.push_str("</tbody></table>");
+    let sentences = atlas_sentences(map);
+    table.extend(sentences.iter().map(|sentence| format!("<p>{}</p>", escape(sentence))));
     table
 }
 

@@ -3,13 +3,14 @@
 use glam::{DVec2, DVec3};
 use serde::Serialize;
 
+use crate::Error;
 use crate::cut::PlaceId;
 use crate::id::{IdVec, VertexId};
 use crate::map::{PatchMap, RegionId, SkinMap};
 use crate::mesh::rectangle_around;
 use crate::page::pack::{PackedRows, Packer, Region, Values, share};
-use crate::pyramid::LevelId;
-use crate::skin::{Covariance, PatchId, Presence, world_pose};
+use crate::pyramid::{LevelId, Prolongation};
+use crate::skin::{Covariance, PatchId, Presence, TOUCH, Taxels, link_names, world_pose};
 use crate::unfold::{Unfolding, origins};
 
 /// Space between the maps of patches on the sheet, as a share of the side of all of them.
@@ -18,15 +19,28 @@ const GAP: f64 = 0.03;
 /// Intended width over height of the sheet.
 const ASPECT: f64 = 0.8;
 
+/// A skin and its map.
 #[derive(Debug, Serialize)]
-pub(super) struct LinkHeader {
-    pub(super) name: String,
-    pub(super) parent: Option<usize>,
+pub(super) struct SkinHeader {
+    links: Vec<LinkHeader>,
+    patches: Vec<PatchHeader>,
+    /// The names of the regions, which patches count from 1 on.
+    regions: Vec<String>,
+    /// What taxels sense besides touch, which patches count from 1 on.
+    modalities: Vec<String>,
+    /// The number of fields of each level of the whole body.
+    body: Vec<usize>,
+}
+
+#[derive(Debug, Serialize)]
+struct LinkHeader {
+    name: String,
+    parent: Option<usize>,
 }
 
 /// A patch: numbers, and the indices of its arrays.
 #[derive(Debug, Serialize)]
-pub(super) struct PatchHeader {
+struct PatchHeader {
     name: String,
     link: usize,
     taxels: usize,
@@ -47,6 +61,8 @@ pub(super) struct PatchHeader {
     unsplit: usize,
     ids: usize,
     presence: usize,
+    /// What each taxel senses, 0 for touch alone or nothing.
+    senses: usize,
     /// The region of each taxel, 0 for none.
     region: usize,
     areas: Values,
@@ -56,6 +72,8 @@ pub(super) struct PatchHeader {
     key_rows: Option<PackedRows>,
     values: Vec<Values>,
     levels: Vec<LevelHeader>,
+    /// The taxels in terms of the fields of each level of the whole body.
+    body: Vec<PackedRows>,
 }
 
 #[derive(Debug, Serialize)]
@@ -67,8 +85,32 @@ struct LevelHeader {
     direct: Option<PackedRows>,
 }
 
+/// Packs a map.
+///
+/// # Errors
+/// If the system of an unfolding does not fit into memory.
+pub(super) fn pack_skin(packer: &mut Packer, map: &SkinMap) -> Result<SkinHeader, Error> {
+    let (offsets, regions) = (sheet_offsets(map), map.regions());
+    let (modalities, rows) = (senses(map), map.body_rows().0);
+    let mut patches = Vec::new();
+    for (id, offset) in map.patches.ids().zip(offsets) {
+        let patch = &map.patches[id];
+        let unfolding = Unfolding::new(patch).map_err(|e| Error::from(e).in_patch(&patch.name))?;
+        let mut header = pack_patch(packer, map, patch, (&unfolding, &regions.of_taxels[id]), offset);
+        header.pack_body(packer, rows.iter().map(|of_patches| &of_patches[id]));
+        header.pack_senses(packer, &patch.taxels, &modalities);
+        patches.push(header);
+    }
+    let body = map.body.levels.iter().map(|level| level.origins.len()).collect();
+    let links = map.links.iter().zip(link_names(&map.links));
+    let links =
+        links.map(|(link, name)| LinkHeader { name, parent: link.parent.map(|p| p.index()) }).collect();
+    let regions = regions.names.iter().map(ToString::to_string).collect();
+    Ok(SkinHeader { links, patches, regions, modalities, body })
+}
+
 /// Packs a patch and the regions of its taxels; its map lies at `offset` on the sheet.
-pub(super) fn pack_patch(
+fn pack_patch(
     packer: &mut Packer,
     map: &SkinMap,
     patch: &PatchMap,
@@ -88,7 +130,8 @@ pub(super) fn pack_patch(
     let presence = of.presence.iter().map(|presence| match presence {
         Presence::Absent => 0,
         Presence::Present => 1,
-        Presence::ThermalPad | Presence::Other => 2,
+        Presence::ThermalPad => 2,
+        Presence::Other => 3,
     });
     let presence = packer.planes(&[presence.collect()]);
     let region = of_taxels.iter().map(|region| region.map_or(0, |region| region.raw() + 1));
@@ -143,6 +186,7 @@ pub(super) fn pack_patch(
         unsplit,
         ids,
         presence,
+        senses: 0,
         region,
         areas,
         keys,
@@ -151,6 +195,46 @@ pub(super) fn pack_patch(
         key_rows,
         values,
         levels,
+        body: Vec::new(),
+    }
+}
+
+/// What taxels of a map sense besides touch, in the order of their first ones.
+fn senses(map: &SkinMap) -> Vec<String> {
+    let mut all: Vec<String> = Vec::new();
+    for of in map.patches.iter().map(|patch| &patch.taxels) {
+        for name in
+            of.ids.ids().map(|taxel| of.modalities_of(taxel)).filter(|name| !["", TOUCH].contains(name))
+        {
+            if !all.iter().any(|known| known == name) {
+                all.push(name.to_owned());
+            }
+        }
+    }
+    all
+}
+
+impl PatchHeader {
+    /// Packs what its taxels sense, as numbers in a list of [`senses`].
+    pub(super) fn pack_senses(&mut self, packer: &mut Packer, taxels: &Taxels, known: &[String]) {
+        let number = |taxel| {
+            let name = taxels.modalities_of(taxel);
+            (1..).zip(known).find(|(_, known)| *known == name).map_or(0, |(number, _)| number)
+        };
+        self.senses = packer.planes(&[taxels.ids.ids().map(number).collect()]);
+    }
+
+    /// Packs its taxels in terms of the fields of the levels of the whole body.
+    pub(super) fn pack_body<'a>(
+        &mut self,
+        packer: &mut Packer,
+        levels: impl Iterator<Item = &'a Prolongation>,
+    ) {
+        for rows in levels {
+            let rows = rows.indices.iter().zip(&rows.weights);
+            self.body
+                .push(packer.rows(rows.map(|(named, weights)| (named.map(VertexId::raw), *weights)), 255));
+        }
     }
 }
 
@@ -177,7 +261,7 @@ fn pack_level(packer: &mut Packer, patch: &PatchMap, id: LevelId) -> LevelHeader
 }
 
 /// The offset of the map of each patch on the sheet, in m: on shelves, in their order.
-pub(super) fn sheet_offsets(map: &SkinMap) -> IdVec<PatchId, DVec2> {
+fn sheet_offsets(map: &SkinMap) -> IdVec<PatchId, DVec2> {
     let boxes = map.patches.map(|patch| {
         let uv = &patch.levels[LevelId::default()].uv;
         rectangle_around(uv.iter().copied())

@@ -28,6 +28,7 @@ mod coarsened;
 mod cut_open;
 mod options;
 mod register;
+mod remarks;
 mod written;
 
 use std::fs;
@@ -51,6 +52,7 @@ use crate::pipeline::coarsened::{Coarsened, Flattened};
 use crate::pipeline::cut_open::{cut_open, stays_whole};
 use crate::pipeline::options::Numbers;
 pub use crate::pipeline::options::{BuildOptions, MagnifyOver};
+pub use crate::pipeline::remarks::BuildRemark;
 use crate::pyramid::{CoarsenOptions, coarsen};
 use crate::run::{Progress, Run, Stage};
 use crate::skin::{AssembleOptions, Patch, PatchId, Skin, assemble, named_links, world_pose};
@@ -81,7 +83,8 @@ pub fn build_finest(skin: &Skin, options: &BuildOptions, run: Run<'_>) -> Result
     map.patches.iter_mut().for_each(|patch| patch.keep_finest(1));
     map.find_body(options.across);
     let left_out = built.left_out.map(|_| 0);
-    Ok(Built { map: Arc::new(map), left_out, ..built })
+    // Nothing is drawn.
+    Ok(Built { map: Arc::new(map), left_out, enlarged: None, ..built })
 }
 
 /// A map, with the times and the failures of its build.

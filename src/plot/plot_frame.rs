@@ -14,8 +14,8 @@ use crate::plot::patch_view::PatchView;
 use crate::plot::picture::Picture;
 use crate::plot::plot_map::{check_viewpoint, choose, choose_levels, title};
 use crate::plot::{PlotError, PlotOptions};
-use crate::pyramid::{LevelId, Prolongation};
-use crate::signal::{Channel, LevelFrame, Quantity};
+use crate::pyramid::LevelId;
+use crate::signal::{CarryDown, Channel, LevelFrame, Quantity};
 use crate::skin::PatchId;
 
 /// Draws the channel at `shown` of a frame with these channels: levels side by side, all at one scale and
@@ -75,12 +75,11 @@ pub struct FramePlotter<'a> {
     fields: Vec<Fields>,
 }
 
-/// A level without a mesh: its name, the rows of the taxels of the patches that it is of, and the areas of its fields.
+/// A level without a mesh, and its name.
 struct Fields {
-    at: FieldLevel,
+    level: LevelId,
     name: String,
-    rows: IdVec<PatchId, Option<Prolongation>>,
-    areas: IdVec<VertexId, f64>,
+    down: CarryDown,
 }
 
 impl Fields {
@@ -88,7 +87,7 @@ impl Fields {
         let Some((_, name)) = map.field_levels().find(|(known, _)| *known == at) else {
             return Err(PlotError::UnknownFieldLevel { level: at.level, count: map.field_levels().count() });
         };
-        Ok(Self { at, name, rows: map.field_rows(at), areas: map.field_areas(at) })
+        Ok(Self { level: at.level, name, down: CarryDown::new(map, at) })
     }
 }
 
@@ -207,34 +206,16 @@ impl<'a> FramePlotter<'a> {
         &self,
         frame: &'f LevelFrame,
         id: PatchId,
-        Fields { at: FieldLevel { modality, level }, name, rows, areas }: &Fields,
+        Fields { level, name, down }: &Fields,
     ) -> Result<Option<Drawn<'f>>, PlotError> {
-        let Some(rows) = &rows[id] else { return Ok(None) };
-        let patch = &self.map.patches[id].name;
-        let other = || PlotError::FrameOfAnotherMap { patch: patch.clone(), level: *level };
-        let of_channels = match modality {
-            None => Some(&frame.body),
-            Some(number) => frame.modalities.get(*number).map(|of_it| &of_it.values),
-        };
-        let of_channel = of_channels.and_then(|channels| channels.get(self.shown));
-        let values = of_channel.and_then(|levels| levels.get(*level)).ok_or_else(other)?;
-        if values.len() != areas.len() {
-            return Err(other());
+        if !down.has_fields(id) {
+            return Ok(None);
         }
-        let of_field = |field: VertexId| match self.channel.quantity {
-            Quantity::Intensive => values[field],
-            Quantity::Extensive => values[field] / areas[field],
-        };
-        // Of the fields of a taxel those count that have a value.
-        let of_taxel = |taxel: VertexId| {
-            let known = rows.row(taxel).filter(|(field, _)| !values[*field].is_nan());
-            let add = |[sum, weight]: [f64; 2], (field, w): (VertexId, f64)| {
-                [sum + w * of_field(field), weight + w]
-            };
-            let [sum, weight] = known.fold([0.0; 2], add);
-            sum / weight
-        };
-        let densities = rows.indices.ids().map(of_taxel).collect();
+        let patch = &self.map.patches[id];
+        let other = || PlotError::FrameOfAnotherMap { patch: patch.name.clone(), level: *level };
+        let values = down.fields(frame, self.shown).ok_or_else(other)?;
+        let density = |taxel| down.density((id, taxel), values, self.channel.quantity);
+        let densities = patch.taxels.ids.ids().map(density).collect();
         Ok(Some(Drawn { name: name.clone(), values, densities }))
     }
 }

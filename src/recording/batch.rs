@@ -77,7 +77,8 @@ impl Batch {
     /// If it has not a reading for each channel and taxel.
     pub fn levels<T: Copy + Into<f64>>(&mut self, values: &[T]) -> &LevelFrame {
         self.join.fill(values, &mut self.frame);
-        self.levels.of(&self.frame)
+        let [levels, _] = self.levels.of(&self.frame);
+        levels
     }
 
     /// The values of a level in the first channel of each frame, patch after patch; patches without the level have those

@@ -10,7 +10,7 @@ use crate::signal::{Health, HealthOptions, HealthReport, SignalError, Zero};
 /// Judges the taxels of a skin by recordings of ordinary touches.
 ///
 /// `open` opens a recording, by its number, with a zero; each of the `recordings` is opened [`Health::PASSES`] times,
-/// so that memory does not depend on their length. The first channel that measures touches is judged.
+/// so that memory does not depend on their length. The [channel](Recording::channel) without a name is judged.
 ///
 /// ```
 /// use std::sync::Arc;
@@ -55,11 +55,8 @@ pub fn examine<E: From<Error> + From<SignalError>>(
         for number in 0..recordings {
             let zero = health.as_ref().map_or(Zero::Taken, Health::zero);
             let mut recording = open(number, zero)?;
-            let channel = recording.channels().iter().position(|channel| channel.kind.is_of_touch());
-            let channel = channel.ok_or_else(|| {
-                let known = recording.channels().iter().map(|channel| channel.name.clone()).collect();
-                Error::from(SignalError::NoTouch { known }).in_recording(number, recordings)
-            })?;
+            let channel = recording.touch_channel();
+            let channel = channel.map_err(|error| Error::from(error).in_recording(number, recordings))?;
             let health = match &mut health {
                 Some(health) => health,
                 None => health.insert(Health::new(map, options)?),

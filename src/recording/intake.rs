@@ -75,7 +75,7 @@ impl Intake {
         let rest = if is_tared || has_zero { Rest::AtZero } else { Rest::Learned };
         let is_filled = options.fill == Fill::Neighbours;
         Ok(Self {
-            filler: is_filled.then(|| Filler::new(map, conditioner.channels().len())),
+            filler: is_filled.then(|| Filler::new(map, conditioner.channels())),
             range: options.frames,
             rest: (rest, threshold.map(|threshold| (main, threshold))),
             has_units: !options.units.is_empty(),
@@ -193,7 +193,7 @@ impl Intake {
         self.before = self.conditioner.report().after(&self.before);
         self.conditioner = Conditioner::new(map, &self.reader.channels, &self.condition)?;
         if let Some(filler) = &mut self.filler {
-            *filler = Filler::new(map, self.conditioner.channels().len());
+            *filler = Filler::new(map, self.conditioner.channels());
         }
         (self.clock, self.has_learned) = (Clock::new(), false);
         (self.episode, self.of_episode) = (self.reader.episode(), 0);

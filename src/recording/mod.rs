@@ -26,12 +26,13 @@ use std::sync::Arc;
 
 use crate::Error;
 use crate::atlas::Atlas;
+use crate::body::FieldLevel;
 use crate::image::{Renderer, TactileImage};
 use crate::io::{ReadingsReader, Statement};
 use crate::map::SkinMap;
 use crate::pyramid::LevelId;
 use crate::recording::intake::Intake;
-use crate::recording::levels::Levels;
+use crate::recording::levels::{Levels, check_fields};
 use crate::signal::{
     Channel, ContactRegion, ContactTracker, Frame, LevelFrame, SignalError, Stage, Summary, TrackerOptions,
     main_channel,
@@ -157,6 +158,21 @@ impl Recording {
         })
     }
 
+    /// The [channel](Self::channel) without a name.
+    ///
+    /// # Errors
+    /// [`SignalError::NoTouch`] if it does not measure touches.
+    pub(crate) fn touch_channel(&self) -> Result<usize, SignalError> {
+        let channels = self.channels();
+        let channel = main_channel(channels.iter().map(|channel| channel.kind));
+        match channels.get(channel) {
+            Some(found) if found.kind.is_of_touch() => Ok(channel),
+            _ => Err(SignalError::NoTouch {
+                known: channels.iter().map(|channel| channel.name.clone()).collect(),
+            }),
+        }
+    }
+
     /// The zero of each taxel in the [channel](Self::channel) without a name, patch after patch, as far as it is known by now; NaN where it is
     /// not. Without a [zero](crate::signal::Zero) it is 0.
     pub fn zeros(&self) -> Vec<f64> {
@@ -191,6 +207,17 @@ impl Recording {
     /// Carries frames to every level, or of those above level 0 to `level` alone.
     pub fn carry(&mut self, carried: Carried, level: Option<LevelId>) {
         self.levels = Some(Levels::new(&self.map, self.intake.channels(), carried, level));
+    }
+
+    /// Carries frames to every level; of the levels that without a mesh at `at` is drawn, carried down to the taxels, on images
+    /// [of it](Atlas::of_fields).
+    ///
+    /// # Errors
+    /// If the map has no such level, or no channel is of its modality.
+    pub fn carry_fields(&mut self, at: FieldLevel) -> Result<(), SignalError> {
+        check_fields(&self.map, self.channels().iter(), at)?;
+        self.levels = Some(Levels::of_fields(&self.map, self.intake.channels(), at));
+        Ok(())
     }
 
     /// The channels of what is carried to levels and drawn: edges have two for each channel of the frames.
@@ -269,16 +296,16 @@ impl Recording {
         Ok(())
     }
 
-    /// As [`Self::summarise`], and adds up the fields of a level of the whole body ([`Summary::follow_fields`]).
+    /// As [`Self::summarise`], and adds up the fields of a level of the whole body, or of a modality
+    /// ([`Summary::follow_fields`]).
     ///
     /// # Errors
-    /// As [`Self::follow_contacts`].
-    ///
-    /// # Panics
-    /// If the map does not have the level.
-    pub fn summarise_fields(&mut self, options: &TrackerOptions, level: LevelId) -> Result<(), SignalError> {
+    /// As [`Self::summarise`], and if the map has no such level, or the channel is of another modality.
+    pub fn summarise_fields(&mut self, options: &TrackerOptions, at: FieldLevel) -> Result<(), SignalError> {
+        let channel = self.channels().get(options.channel);
+        check_fields(&self.map, channel.into_iter(), at)?;
         self.summarise(options)?;
-        self.summary.iter_mut().for_each(|summary| summary.follow_fields(&self.map, level));
+        self.summary.iter_mut().for_each(|summary| summary.follow_fields(&self.map, at));
         Ok(())
     }
 
@@ -356,9 +383,10 @@ impl Recording {
         let frame = if is_kept { &self.current } else { self.intake.latest() };
         let levels = self.levels.as_mut().map(|levels| levels.of(frame));
         let images = match (&mut self.renderer, levels) {
-            (Some(renderer), Some(levels)) => renderer.render(levels),
+            (Some(renderer), Some([_, drawn])) => renderer.render(drawn),
             _ => &[],
         };
+        let levels = levels.map(|[levels, _]| levels);
         if let Some(tracker) = &mut self.tracker {
             tracker.track(frame);
             self.summary.iter_mut().for_each(|summary| summary.add(frame.time, tracker));
@@ -406,7 +434,7 @@ impl Recording {
         let options = self.touch;
         if let Some(summary) = &summary {
             match summary.field_level() {
-                Some(level) => self.summarise_fields(&options, level),
+                Some(at) => self.summarise_fields(&options, at),
                 None if summary.follows_steps() => self.summarise_steps(&options),
                 None => self.summarise(&options),
             }?;

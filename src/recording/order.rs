@@ -15,7 +15,7 @@ use crate::skin::{PatchId, Skin, TaxelId};
 /// Finds the order of the columns of recordings of separate touches on a skin; ids of columns are not used.
 ///
 /// `open` opens a recording, by its number; each of the `recordings` is opened [`ColumnOrder::PASSES`] times, so that
-/// memory does not depend on their length. The first channel that measures touches counts. `known` columns, counted from
+/// memory does not depend on their length. The [channel](Recording::channel) without a name counts. `known` columns, counted from
 /// 0, with the ids of their taxels, decide where the skin is symmetric. `options` say how readings are made comparable;
 /// [`Zero::Taken`] is right only for readings less their zeros.
 ///
@@ -64,7 +64,7 @@ pub fn find_order<E: From<Error>>(
 /// Where the signals of recordings put the taxels of each patch of a map: the nearer, the more alike they are.
 ///
 /// `open` opens a recording, by its number, with a zero; each of the `recordings` is opened [`ColumnOrder::PASSES`]
-/// times. The first channel that measures touches counts. Touches follow `zero`.
+/// times. The [channel](Recording::channel) without a name counts. Touches follow `zero`.
 ///
 /// # Errors
 /// Those of `open` and of reading; [`OrderError`] if nothing is touched, or the map has too many taxels.
@@ -89,10 +89,7 @@ pub fn map_signals<E: From<Error>>(
 
 /// Sees all frames of a recording.
 fn see(order: &mut ColumnOrder, mut recording: Recording) -> Result<(), Error> {
-    let channel = recording.channels().iter().position(|channel| channel.kind.is_of_touch());
-    let channel = channel.ok_or_else(|| SignalError::NoTouch {
-        known: recording.channels().iter().map(|channel| channel.name.clone()).collect(),
-    })?;
+    let channel = recording.touch_channel()?;
     order.begin_recording(channel);
     let mut episode = None;
     while let Some(step) = recording.next_step()? {

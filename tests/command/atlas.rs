@@ -59,7 +59,7 @@ fn two_skins_have_one_image() {
     let map = read_map(&at.join("skin/map.glb")).unwrap();
     let on = map.atlas.as_ref().unwrap();
     assert_eq!((on.name.as_str(), on.is_mirrored), ("other", false));
-    assert!(map.patches.iter().all(|patch| patch.atlas.as_deref() == Some("palm")));
+    assert!(map.patches.iter().all(|patch| patch.atlas.as_ref().is_some_and(|on| on.patch == "palm")));
     for map in ["skin", "other"] {
         let readings = if map == "skin" { "touch.csv" } else { "carried.csv" };
         if map == "other" {
@@ -101,8 +101,88 @@ fn two_skins_have_one_image() {
     let run =
         dermatome(at, "build skin.glb -o few --atlas other/map.glb --landmarks few.csv").assert().success();
     let said = String::from_utf8(run.get_output().stderr.clone()).unwrap();
-    assert!(said.contains("right: left out: it has 2 landmarks"), "{said}");
+    let needed = "right: left out: it has 2 landmarks, and four are needed to place it on the atlas\n";
+    assert!(said.contains(needed), "{said}");
     assert_eq!(finest("few").uv, finest("skin").uv, "the other patch is as before");
+}
+
+/// Patches may share ids: then the table says in which one a taxel is. Landmarks have the names that it gives them.
+#[test]
+fn landmarks_of_patches_that_share_ids_name_the_patch() {
+    let folder = folder();
+    let at = folder.path();
+    let mut skin = read_map(&at.join("skin/map.glb")).unwrap().skin();
+    skin.patches[PatchId::new(1)].taxels.ids.iter_mut().for_each(|id| id.0 -= 1000);
+    write_skin(&at.join("shared.glb"), &skin).unwrap();
+    let build = "build shared.glb -o shared --atlas other/map.glb --landmarks";
+    refuses(at, &format!("{build} places.csv"), &["line 2", "taxel_id", "1", "not of 2"]);
+    let places = fs::read_to_string(at.join("places.csv")).unwrap();
+    let table: Vec<String> = places
+        .lines()
+        .enumerate()
+        .map(|(k, line)| match line.split_once(',').unwrap() {
+            _ if k == 0 => format!("name,patch,atlas_patch,{line}"),
+            (id, other) if id.len() > 3 => {
+                format!("n{k},right,,{},{other}", &id[1..].trim_start_matches('0'))
+            }
+            _ => format!("n{k},left,palm,{line}"),
+        })
+        .collect();
+    fs::write(at.join("named.csv"), table.join("\n") + "\n").unwrap();
+    dermatome(at, &format!("{build} named.csv")).assert().success();
+    let uv = |map: &str| {
+        let map = read_map(&at.join(map).join("map.glb")).unwrap();
+        map.patches.iter().map(|patch| patch.levels[LevelId::new(0)].uv.clone()).collect::<Vec<_>>()
+    };
+    assert!(uv("shared") == uv("skin"), "the same landmarks");
+    let wrong = table.join("\n").replace("n3,left", "n3,middle");
+    fs::write(at.join("named.csv"), wrong).unwrap();
+    refuses(at, &format!("{build} named.csv"), &["line 4", "patch", "middle"]);
+    let twice = table.join("\n") + "\nthumb,left,,1,2\n";
+    fs::write(at.join("named.csv"), twice).unwrap();
+    refuses(at, &format!("{build} named.csv"), &["(\"n1\")", "(\"thumb\")", "one place"]);
+}
+
+/// A map on an atlas says so, and by what.
+#[test]
+fn a_map_says_its_atlas() {
+    let folder = folder();
+    let at = folder.path();
+    let said = String::from_utf8(dermatome(at, "info skin/map.glb").output().unwrap().stdout).unwrap();
+    for part in
+        ["on the map of other\n", "left: on its patch palm by 5 landmarks; symmetric Dirichlet energy"]
+    {
+        assert!(said.contains(part), "{said}");
+    }
+    let info = json(&dermatome(at, "info skin/map.glb --json").output().unwrap().stdout);
+    let report = json(&fs::read(at.join("skin/report.json")).unwrap());
+    for of in [&info, &report] {
+        assert_eq!((&of["atlas"]["name"], &of["atlas"]["mirrored"]), (&"other".into(), &false.into()));
+        let on = &of["patches"][1]["atlas"];
+        assert_eq!((&on["patch"], &on["landmarks"], &on["left_out"]), (&"palm".into(), &5.into(), &0.into()));
+        assert!(on["free_dirichlet"].as_f64().unwrap() >= 4.0);
+    }
+    let bent = &report["patches"][0]["levels"][0]["symmetric_dirichlet"];
+    assert_eq!(&info["patches"][0]["atlas"]["symmetric_dirichlet"], bent);
+    assert!(fs::read_to_string(at.join("skin/report.html")).unwrap().contains("<p>on the map of other</p>"));
+    assert!(
+        !String::from_utf8(dermatome(at, "info other/map.glb").output().unwrap().stdout)
+            .unwrap()
+            .contains("on the map")
+    );
+}
+
+/// A page of two skins, which takes landmarks.
+#[test]
+fn a_page_shows_the_skin_and_its_atlas() {
+    let folder = folder();
+    let at = folder.path();
+    dermatome(at, "report skin/map.glb --atlas other/map.glb -o page.html -q").assert().success();
+    dermatome(at, "report skin/map.glb -o alone.html -q").assert().success();
+    let size = |name: &str| fs::metadata(at.join(name)).unwrap().len();
+    assert!(size("page.html") > size("alone.html") + 500, "the data of both");
+    refuses(at, "report skin/map.glb --atlas other.glb -o x.html", &["other.glb"]);
+    refuses(at, "report skin/map.glb --atlas other/map.glb --live", &["--atlas", "--live"]);
 }
 
 #[test]

@@ -214,3 +214,95 @@ fn levels_of_modalities_are_levels_of_lookup_plot_and_arrays() {
     refuses(at, "lookup map/map.glb p.csv --level arm.heat.L0", &["arm.heat.L0"]);
     refuses(at, "plot map/map.glb -o x.svg --level arm.thermal.L0", &["--readings"]);
 }
+
+/// Levels without a mesh have images, named as their arrays are: where a patch has fields of them, or all in one image.
+#[test]
+fn levels_without_a_mesh_have_images() {
+    let folder = folder();
+    let at = folder.path();
+    let has = |file: &str, key: &str| {
+        let bytes = fs::read(at.join(file)).unwrap();
+        bytes.windows(key.len()).any(|part| part == key.as_bytes())
+    };
+    let render = "render map/map.glb r.csv -q --from 30 --to 30 --level body.L0";
+    dermatome(at, &format!("{render} -o apart.npz")).assert().success();
+    for key in ["left.body.L0.image.npy", "%62ody.body.L0.image.npy", "body.L0.values.npy"] {
+        assert!(has("apart.npz", key), "{key}");
+    }
+    for key in ["body.L1.values.npy", "left.L0.values.npy", "left.L0.image.npy"] {
+        assert!(!has("apart.npz", key), "{key}");
+    }
+    dermatome(at, &format!("{render} -o one.npz --pack")).assert().success();
+    assert!(has("one.npz", "body.L0.image.npy"));
+    for pictures in ["exr", "png"] {
+        dermatome(at, &format!("{render} -o {pictures} --pictures {pictures}")).assert().success();
+        let name = format!("left.body.L0.000030.{pictures}");
+        assert!(at.join(pictures).join(&name).exists(), "{name}");
+    }
+    refuses(at, &format!("{render} -o x.npz --contrast"), &["no contrast"]);
+    refuses(at, "render map/map.glb r.csv -o x.npz --level body.L9", &["body.L9"]);
+}
+
+/// Temperatures of two arms whose every fourth taxel of every fourth row is a thermal pad: sums and images are those of the
+/// pads, on the levels of each arm and of the body; pressures have none.
+#[test]
+fn readings_of_heat_have_sums_and_images_of_pads() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let mut table = "id,x,y,z,patch,modality\n".to_owned();
+    let mut ids = Vec::new();
+    for (patch, first, right) in [("arm", 1, 0.0), ("fore", 501, 0.065)] {
+        for k in 0..144_u32 {
+            let (column, row) = (k % 12, k / 12);
+            let senses = if column % 4 == 1 && row % 4 == 1 { "thermal" } else { "" };
+            let [x, y] = [right + f64::from(column) * 0.005, f64::from(row) * 0.005];
+            table += &format!("{},{x},{y},0,{patch},{senses}\n", first + k);
+            ids.push(first + k);
+        }
+    }
+    fs::write(at.join("arms.csv"), table).unwrap();
+    let header: Vec<String> = ["temperature[degC]", "p[kPa]"]
+        .iter()
+        .flat_map(|of| ids.iter().map(move |id| format!("{id}.{of}")))
+        .collect();
+    let mut readings = format!("time,{}\n", header.join(","));
+    for frame in 0..12 {
+        let (heat, press) = (format!(",{}", 20 + frame), ",7".to_owned());
+        readings += &format!("{}{}{}\n", 0.1 * f64::from(frame), heat.repeat(288), press.repeat(288));
+    }
+    fs::write(at.join("r.csv"), readings).unwrap();
+    dermatome(at, "build arms.csv -o map -q").assert().success();
+    let info = json(&dermatome(at, "info map/map.glb --json").output().unwrap().stdout);
+    let whole = info["modalities"].as_array().unwrap().iter().find(|of| of["patch"].is_null()).unwrap();
+    assert_eq!((&whole["name"], &whole["sensors"]), (&"thermal".into(), &18.into()));
+    let text = String::from_utf8(dermatome(at, "info map/map.glb").output().unwrap().stdout).unwrap();
+    assert!(text.contains("body.thermal: sensors 18, fields "), "{text}");
+
+    let summary = "summary map/map.glb r.csv -q --channel temperature -o";
+    for (level, most) in [("arm.thermal.L0", 9.0), ("body.thermal.L0", 18.0)] {
+        dermatome(at, &format!("{summary} s.csv --by {level}")).assert().success();
+        let sums = rows(&at.join("s.csv"));
+        let whole = sums.iter().find(|row| row["group"] == "whole").unwrap();
+        // Above the mean of the first frames.
+        assert_eq!((&*whole["taxels"], &*whole["peak"]), ("18.0", "9.0"));
+        let fields: Vec<_> = sums.iter().filter(|row| row["group"] == "field").collect();
+        assert!(fields.len() as f64 <= most && fields.iter().all(|row| row["peak"] == "9.0"), "{level}");
+        let area = |row: &std::collections::HashMap<String, String>| row["area"].parse::<f64>().unwrap();
+        let sum: f64 = fields.iter().map(|row| area(row)).sum();
+        let arm = sums.iter().find(|row| row["group"] == "patch" && row["name"] == "arm").unwrap();
+        let all = if level.starts_with("arm") { arm } else { whole };
+        assert!((sum / area(all) - 1.0).abs() < 1e-12, "{level}: {sum}");
+    }
+    refuses(
+        at,
+        "summary map/map.glb r.csv -o x.csv --channel p --by body.thermal.L0",
+        &["body.thermal.L0", "readings of thermal"],
+    );
+    dermatome(at, "render map/map.glb r.csv -q -o o.npz --level arm.thermal.L0").assert().success();
+    let bytes = fs::read(at.join("o.npz")).unwrap();
+    let has = |key: &str| bytes.windows(key.len()).any(|part| part == key.as_bytes());
+    assert!(has("arm.thermal.L0.image.npy") && has("arm.thermal.L0.values.npy") && !has("fore.thermal"));
+    fs::write(at.join("p.csv"), "x,y,z\n0.026,0.026,0\n").unwrap();
+    dermatome(at, "lookup map/map.glb p.csv -o l.csv --level body.thermal.L0 -q").assert().success();
+    assert_eq!(rows(&at.join("l.csv"))[0]["level"], "body.thermal.L0");
+}

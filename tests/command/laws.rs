@@ -286,6 +286,7 @@ fn what_must_not_matter_to_a_recording_does_not() {
 
     let times = Change { readings: 3.0, forces: 3.0, ..SAME };
     let alterations: Vec<(&str, String, Change)> = vec![
+        ("nothing", recording.csv(&order), SAME),
         ("Pa for kPa", recording.scaled(0, "Pa", 1000.0).csv(&order), Change { readings: 1000.0, ..SAME }),
         ("N/cm^2 for kPa", recording.scaled(0, "N/cm^2", 0.1).csv(&order), Change { readings: 0.1, ..SAME }),
         ("mN for N in another channel", recording.scaled(2, "mN", 1000.0).csv(&order), SAME),
@@ -303,16 +304,15 @@ fn what_must_not_matter_to_a_recording_does_not() {
     ];
     for (law, text, change) in &alterations {
         write("altered.csv", text);
-        let found = results(folder, "both", "altered.csv", None, "");
-        for ((door, base), (_, found)) in base.iter().zip(&found) {
+        let of_file = results(folder, "both", "altered.csv", None, "");
+        for ((door, base), (_, found)) in base.iter().zip(&of_file) {
             compare(law, door, base, found, change, &["unit"]);
         }
-    }
-    // A stream in place of a file.
-    let text = recording.csv(&order);
-    let found = results(folder, "both", "-", Some(&text), "");
-    for ((door, base), (_, found)) in base.iter().zip(&found) {
-        compare("stream", door, base, found, &SAME, &[]);
+        // A stream in place of a file.
+        let of_stream = results(folder, "both", "-", Some(text), "");
+        for ((door, of_file), (_, found)) in of_file.iter().zip(&of_stream) {
+            compare(&format!("{law}, as a stream"), door, of_file, found, &SAME, &[]);
+        }
     }
 }
 

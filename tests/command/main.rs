@@ -32,6 +32,7 @@ mod render;
 mod response;
 mod robot;
 mod skins;
+mod summary;
 mod touch;
 mod touches;
 mod zoo;

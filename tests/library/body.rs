@@ -11,7 +11,7 @@ use dermatome::signal::{
     BodyFields, Channel, ContactRegion, ContactTracker, Event, EventDetector, EventOptions, Frame, Phase,
     Probe, Quantity, Restrictor, TrackerOptions, Word,
 };
-use dermatome::skin::{Link, LinkId, Patch, PatchId, Skin};
+use dermatome::skin::{Link, LinkId, Patch, PatchId, Presence, Skin};
 use glam::{DAffine3, DQuat, DVec3};
 
 /// Distance of taxels, in m.
@@ -349,6 +349,24 @@ fn body_levels_keep_sums_down_to_one_field() {
     assert!(carried.body[0].iter().flat_map(|level| level.iter()).all(|x| (x - 2.5).abs() < 1e-12));
     frame.values.iter_mut().for_each(|values| values[0].iter_mut().for_each(|x| *x = f64::NAN));
     assert!(restrictor.restrict(&frame).body[0].iter().flat_map(|level| level.iter()).all(|x| x.is_nan()));
+}
+
+/// A patch whose taxels are all dead takes no part: fields that have others are those of these, its own have no value, and a
+/// press on the other side of its gap is one contact.
+#[test]
+fn dead_patches_have_no_value() {
+    let mut skin = gapped(0.01);
+    skin.patches[PatchId::new(1)].taxels.presence.iter_mut().for_each(|of| *of = Presence::Absent);
+    let map = build(&skin, &BuildOptions::default()).unwrap();
+    let mut frame = Frame::new(&map, 1);
+    frame.values[PatchId::new(0)][0].iter_mut().for_each(|x| *x = 3.0);
+    let mut restrictor = Restrictor::new(&map, &[Channel::default()]);
+    let body = &restrictor.restrict(&frame).body[0];
+    assert!(body.iter().flatten().all(|x| x.is_nan() || (x - 3.0).abs() < 1e-12));
+    assert!(body.iter().last().unwrap().iter().all(|x| (x - 3.0).abs() < 1e-12), "the one field of all");
+    let mut frame = pressed(&map, &[middle(0.01)], 0.02);
+    frame.values[PatchId::new(1)][0].iter_mut().for_each(|x| *x = f64::NAN);
+    assert_eq!(tracker(&map, Probe::Any).track(&frame).len(), 1);
 }
 
 /// Rows keep the places of fields well inside of the body: a place is interpolated better than by its nearest centre.

@@ -134,7 +134,7 @@ fn absent_taxels_are_never_filled() {
     for taxel in [20, 40] {
         frame.values[patch()][0][VertexId::new(taxel)] = f64::NAN;
     }
-    let filled = Filler::new(&map, 1).apply(&frame).clone();
+    let filled = Filler::new(&map, &[Channel::default()]).apply(&frame).clone();
     assert_eq!(filled.values[patch()][0][VertexId::new(20)], 1.0);
     assert!(filled.values[patch()][0][VertexId::new(40)].is_nan());
     assert_eq!(filled.filled[patch()][0], [VertexId::new(20)]);
@@ -195,6 +195,12 @@ fn counts_that_begin_under_load_are_named() {
     let ends = |frame: usize| if frame < 20 { 200.0 - 8.0 * frame as f64 } else { 0.0 };
     let (_, _, remarks) = summary(&map, loaded(ends, 30.0, 1.0, "count"), Zero::Taken);
     assert!(remarks.iter().any(|remark| remark.contains("move together")), "{remarks:?}");
+    // A load that comes at once, within the frames, hides its motion in their mean.
+    for first in 1..5 {
+        let steps = |frame: usize| if frame < first { 0.0 } else { 200.0 };
+        let (_, _, remarks) = summary(&map, loaded(steps, 30.0, 1.0, "count"), Zero::Taken);
+        assert!(remarks.iter().any(|remark| remark.contains("move together")), "frame {first}: {remarks:?}");
+    }
     let held = |frame: usize| if frame < 20 { 200.0 } else { 0.0 };
     let (_, _, remarks) = summary(&map, loaded(held, 30.0, 1.0, "count"), Zero::Taken);
     assert!(remarks.iter().any(|remark| remark.contains("far below")), "{remarks:?}");

@@ -80,7 +80,8 @@ fn a_recording_holds_every_array_that_was_promised() {
     let (folder, map, channels) = (tempfile::tempdir().unwrap(), map(), channels());
     let atlas = Atlas::new(&map, &AtlasOptions::default()).unwrap();
     let path = folder.path().join("touch.npz");
-    let layout = RecordingLayout { channels: &channels, atlas: Some(&atlas), values: true, level: None };
+    let layout =
+        RecordingLayout { channels: &channels, atlas: Some(&atlas), values: true, level: None, fields: None };
     let mut recording = RecordingWriter::create(&path, &map, &layout).unwrap();
     let mut frame = LevelFrame::new(&map, 2);
     let palm = PatchId::new(0);
@@ -152,7 +153,7 @@ fn a_npy_holds_one_image_and_no_more() {
     let (path, channel) = (folder.path().join("touch.npy"), Channel::default());
     let channels = std::slice::from_ref(&channel);
     let atlas = Atlas::new(&map, &AtlasOptions::default()).unwrap();
-    let all = RecordingLayout { channels, atlas: Some(&atlas), values: true, level: None };
+    let all = RecordingLayout { channels, atlas: Some(&atlas), values: true, level: None, fields: None };
     let refused = RecordingWriter::create(&path, &map, &all).err().unwrap();
     assert!(matches!(refused, IoError::Unfit { .. }), "{refused}");
     let layout = RecordingLayout { level: Some(1.into()), ..all };
@@ -178,8 +179,13 @@ fn a_npy_holds_one_image_and_no_more() {
 fn two_archives_in_one_folder_keep_their_features() {
     let (folder, map, channels) = (tempfile::tempdir().unwrap(), map(), channels());
     for (name, level) in [("a.npz", 0), ("b.npz", 1)] {
-        let layout =
-            RecordingLayout { channels: &channels, atlas: None, values: true, level: Some(level.into()) };
+        let layout = RecordingLayout {
+            channels: &channels,
+            atlas: None,
+            values: true,
+            level: Some(level.into()),
+            fields: None,
+        };
         let mut recording = RecordingWriter::create(&folder.path().join(name), &map, &layout).unwrap();
         recording.write(&LevelFrame::new(&map, 2), &[]).unwrap();
         recording.finish().unwrap();
@@ -331,7 +337,8 @@ fn the_same_recording_gives_the_same_bytes() {
         let mut simulation =
             TouchSimulation::new(&skin, &TouchOptions { presses: 1, ..TouchOptions::default() }).unwrap();
         let channels = [simulation.channel().clone()];
-        let layout = RecordingLayout { channels: &channels, atlas: None, values: true, level: None };
+        let layout =
+            RecordingLayout { channels: &channels, atlas: None, values: true, level: None, fields: None };
         let mut recording = RecordingWriter::create(&path, &map, &layout).unwrap();
         let mut restrictor = Restrictor::new(&map, &channels);
         while let Some((frame, _)) = simulation.next_frame() {

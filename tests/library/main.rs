@@ -5,6 +5,7 @@ mod altered;
 mod atlas;
 mod bodies;
 mod body;
+mod body_presses;
 mod calib;
 mod channels;
 mod clock;

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use dermatome::body::Modality;
+use dermatome::body::{FieldLevel, Modality};
 use dermatome::id::{IdVec, VertexId};
 use dermatome::io::{RecordingLayout, RecordingWriter, map_from_bytes, map_to_bytes, read_draft, write_skin};
 use dermatome::map::{MapError, SkinMap};
@@ -11,9 +11,10 @@ use dermatome::pipeline::{BuildOptions, build};
 use dermatome::pyramid::LevelId;
 use dermatome::signal::{Channel, Duplicates, Frame, Join, Restrictor};
 use dermatome::skin::{
-    AssembleOptions, Modalities, PatchId, Presence, Skin, SkinError, TaxelError, assemble,
+    AssembleOptions, Link, LinkId, Modalities, Patch, PatchId, Presence, Skin, SkinError, TaxelError,
+    assemble,
 };
-use glam::DVec3;
+use glam::{DAffine3, DVec3};
 
 /// Distance of taxels, in m.
 const SPACING: f64 = 0.004;
@@ -106,13 +107,16 @@ fn fields_of_a_modality_are_over_its_own_sensors() {
     let area: f64 = patch.taxels.areas.iter().sum();
     let names: Vec<_> = map.body.modalities.iter().map(|modality| &*modality.name).collect();
     assert_eq!(names, ["thermal", "proximity"]);
-    for modality in &map.body.modalities {
+    for (number, modality) in map.body.modalities.iter().enumerate() {
         let sensors = patch.taxels.sensors(&modality.name);
+        let at = |level| FieldLevel { modality: Some(number), level };
         let origins: Vec<_> = finest(modality).origins.iter().map(|at| at.taxel).collect();
         assert_eq!(origins, sensors);
         let sizes: Vec<_> = modality.levels.iter().map(|level| level.origins.len()).collect();
         assert!(sizes.is_sorted_by(|a, b| a > b) && sizes.last() == Some(&1), "{sizes:?}");
-        for (rows, areas) in modality.taxel_rows().iter().zip(&modality.field_areas(&patch.taxels.areas)) {
+        for level in modality.levels.ids() {
+            let (rows, areas) = (map.field_rows(at(level)), map.field_areas(at(level)));
+            let Some(rows) = &rows[PatchId::new(0)] else { panic!("{level:?}") };
             assert!((areas.iter().sum::<f64>() / area - 1.0).abs() < 1e-12);
             assert!(areas.iter().all(|area| *area > 0.0));
             assert!(rows.weights.iter().all(|row| (row.iter().sum::<f64>() - 1.0).abs() < 1e-12));
@@ -169,8 +173,9 @@ fn maps_keep_modalities_and_refuse_wrong_ones() {
         change(&mut map.body.modalities);
         map.validate()
     };
-    let changes: [fn(&mut Vec<Modality>); 8] = [
-        |all| all[0].patch = PatchId::new(1),
+    let changes: [fn(&mut Vec<Modality>); 9] = [
+        |all| all[0].patch = Some(PatchId::new(1)),
+        |all| all[1].patch = None,
         |all| all[1] = all[0].clone(),
         |all| all[0].name = "touch".into(),
         |all| all[0].name = "proximity".into(),
@@ -315,7 +320,8 @@ fn arrays_name_levels_of_modalities() {
     assert_eq!(map.validate(), Ok(()));
     for (unit, is_thermal) in [("degC", true), ("kPa", false)] {
         let channels = [Channel::new("", unit).unwrap()];
-        let layout = RecordingLayout { channels: &channels, atlas: None, values: true, level: None };
+        let layout =
+            RecordingLayout { channels: &channels, atlas: None, values: true, level: None, fields: None };
         let path = folder.path().join(format!("{is_thermal}.npz"));
         let mut writer = RecordingWriter::create(&path, &map, &layout).unwrap();
         let mut restrictor = Restrictor::new(&map, &channels);
@@ -328,5 +334,121 @@ fn arrays_name_levels_of_modalities() {
             assert_eq!(has(key), is_thermal, "{key}");
         }
         assert!(!has("arm.proximity.L0.values.npy"));
+    }
+}
+
+/// Two bent sheets as that of [`mixed`] with a gap between them, a third one without sensors beside touch, and one with two
+/// thermal pads far away on another link.
+fn limbs() -> Skin {
+    let mut skin = mixed();
+    let first = skin.patches[PatchId::new(0)].clone();
+    let mut first_id = 0;
+    let mut add = |name: &str, at: DVec3, link: LinkId, change: &dyn Fn(&mut Patch)| {
+        let mut patch = Patch { name: name.into(), link, ..first.clone() };
+        patch.mesh.positions.iter_mut().for_each(|x| *x += at);
+        first_id += 1000;
+        patch.taxels.ids.iter_mut().for_each(|id| id.0 += first_id);
+        change(&mut patch);
+        skin.patches.push(patch);
+    };
+    let base = LinkId::new(0);
+    add("hand", DVec3::Y * 0.048, base, &|_| ());
+    add("back", DVec3::Y * 0.096, base, &|patch| {
+        patch.taxels.modalities = None;
+        patch.taxels.presence.iter_mut().for_each(|of| *of = Presence::Present);
+    });
+    add("tip", DVec3::Y * 0.5, LinkId::new(1), &|patch| {
+        let names = patch.taxels.modalities.iter_mut().flatten().zip(&mut patch.taxels.presence).enumerate();
+        for (_, (names, presence)) in names.filter(|(k, _)| ![0, 115].contains(k)) {
+            (*names, *presence) = (None, Presence::Present);
+        }
+    });
+    skin.links.push(Link { name: "far".into(), parent: Some(base), pose: DAffine3::IDENTITY });
+    skin
+}
+
+/// Sensors of all patches have fields of the whole body above them, down to one, which share out areas and amounts whole and
+/// keep a constant; patches without sensors have none, and dead sensors are left out.
+#[test]
+fn modalities_have_levels_of_the_whole_body() {
+    let map = build(&limbs(), &BuildOptions::default()).unwrap();
+    let names: Vec<String> = map.field_levels().map(|(_, name)| name).collect();
+    for name in ["arm.thermal.L0", "body.L0", "body.thermal.L0", "body.proximity.L0", "tip.thermal.L0"] {
+        assert!(names.iter().any(|known| known == name), "{name} of {names:?}");
+    }
+    assert!(names.iter().all(|name| !name.starts_with("back.")));
+    let of_body: Vec<_> = map.body.modalities.iter().filter(|of| of.patch.is_none()).collect();
+    assert_eq!(of_body.iter().map(|of| &*of.name).collect::<Vec<_>>(), ["thermal", "proximity"]);
+    let channels = [Channel::new("thermal", "N").unwrap(), Channel::new("thermal.mean", "degC").unwrap()];
+    let count: usize = map.patches.iter().map(|patch| patch.taxels.ids.len()).sum();
+    let mut join = Join::new(&map, None, count, Duplicates::Refuse).unwrap();
+    join.follow(&map, &channels);
+    let mut frame = Frame::new(&map, 2);
+    let amounts = (0..count).map(|k| if k % 9 == 4 { f64::NAN } else { (k * 37 % 101) as f64 });
+    join.fill(&amounts.chain(vec![31.0; count]).collect::<Vec<f64>>(), &mut frame);
+    let mut total = 0.0;
+    for (id, patch) in map.patches.enumerate().filter(|(_, patch)| patch.name != "back") {
+        let read = patch.taxels.sensors("thermal").into_iter().map(|v| frame.values[id][0][v]);
+        total += read.filter(|x| x.is_finite()).sum::<f64>();
+    }
+    let mut restrictor = Restrictor::new(&map, &channels);
+    let carried = restrictor.restrict(&frame);
+    for (number, modality) in map.body.modalities.iter().enumerate().filter(|(_, of)| of.patch.is_none()) {
+        let parts: Vec<_> = map.body.parts(modality).map(|(patch, _)| patch).collect();
+        let sensors: Vec<usize> =
+            parts.iter().map(|id| map.patches[*id].taxels.sensors(&modality.name).len()).collect();
+        let area: f64 = parts.iter().flat_map(|id| map.patches[*id].taxels.areas.iter()).sum();
+        let sizes: Vec<_> = modality.levels.iter().map(|level| level.origins.len()).collect();
+        assert!(sizes[0] < sensors.iter().sum() && sizes.is_sorted_by(|a, b| a > b), "{sizes:?}");
+        assert_eq!(sizes.last(), Some(&1));
+        for level in modality.levels.ids() {
+            let at = FieldLevel { modality: Some(number), level };
+            assert!((map.field_areas(at).iter().sum::<f64>() / area - 1.0).abs() < 1e-12);
+            for (id, rows) in map.field_rows(at).enumerate() {
+                assert_eq!(rows.is_some(), parts.contains(&id));
+                let weights = rows.iter().flat_map(|rows| &rows.weights);
+                assert!(weights.into_iter().all(|row| (row.iter().sum::<f64>() - 1.0).abs() < 1e-12));
+            }
+            let [amounts, means] = [0, 1].map(|k| &carried.modalities[number].values[k][level]);
+            if modality.name == "thermal" {
+                let sum: f64 = amounts.iter().filter(|x| x.is_finite()).sum();
+                assert!((sum / total - 1.0).abs() < 1e-12, "{sum} of {total}");
+                assert!(means.iter().all(|x| (x - 31.0).abs() < 1e-12));
+            } else {
+                assert!(amounts.iter().chain(means).all(|x| x.is_nan()));
+            }
+        }
+    }
+    // A field over the gap between two patches has sensors of both.
+    let first = FieldLevel { modality: Some(map.body.modalities.len() - 2), level: LevelId::default() };
+    let rows = map.field_rows(first);
+    let fields = |patch: usize| -> std::collections::BTreeSet<usize> {
+        let rows = rows[PatchId::new(patch)].iter();
+        rows.flat_map(|rows| rows.indices.iter().flatten()).map(|field| field.index()).collect()
+    };
+    assert!(fields(0).intersection(&fields(1)).next().is_some());
+
+    let read = map_from_bytes(map_to_bytes(&map).unwrap()).unwrap();
+    assert_eq!(read.field_levels().map(|(_, name)| name).collect::<Vec<_>>(), names);
+    let altered = |change: fn(&mut Vec<Modality>)| {
+        let mut map = map.clone();
+        change(&mut map.body.modalities);
+        map.validate()
+    };
+    let changes: [fn(&mut Vec<Modality>); 5] = [
+        |all| all.rotate_right(1),
+        |all| all.retain(|of| of.patch.is_none_or(|patch| patch == PatchId::new(0))),
+        |all| all.last_mut().unwrap().levels = IdVec::default(),
+        |all| {
+            let origins = &mut all.last_mut().unwrap().levels[LevelId::default()].origins;
+            origins.iter_mut().for_each(|at| at.patch = PatchId::new(4));
+        },
+        |all| {
+            let rows = &mut all.last_mut().unwrap().levels[LevelId::default()].rows;
+            rows.weights.iter_mut().for_each(|row| row[0] += 0.5);
+        },
+    ];
+    for (k, change) in changes.into_iter().enumerate() {
+        assert!(matches!(altered(change), Err(MapError::Modality { .. })), "change {k}");
     }
 }

@@ -60,7 +60,7 @@ fn a_recording_is_its_stages_one_after_the_other() {
     let join = Join::new(&map, None, 169, Duplicates::Refuse).unwrap();
     let mut conditioner = Conditioner::new(&map, &readings.channels, &condition).unwrap();
     let channels = conditioner.channels().to_vec();
-    let mut filler = Filler::new(&map, channels.len());
+    let mut filler = Filler::new(&map, &channels);
     let mut restrictor = Restrictor::new(&map, &channels);
     let mut renderer = Renderer::new(&map, &atlas, &channels, None).unwrap();
     let mut tracker = ContactTracker::new(&map, &channels[1], &tracking).unwrap();

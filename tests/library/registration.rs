@@ -3,7 +3,7 @@
 use std::sync::{Arc, LazyLock};
 
 use dermatome::atlas::{Atlas, AtlasOptions, Pack};
-use dermatome::cut::Cut;
+use dermatome::cut::{Cut, PlaceId};
 use dermatome::flatten::distortion;
 use dermatome::id::VertexId;
 use dermatome::io::{map_from_bytes, map_hash, map_to_bytes, share_plane};
@@ -14,9 +14,10 @@ use dermatome::pyramid::LevelId;
 use dermatome::registration::{
     Landmark, Landmarks, Onto, Registered, RegistrationError, carried_seams, register,
 };
+use dermatome::report::atlas_sentences;
 use dermatome::run::Run;
 use dermatome::signal::{Carry, Quantity};
-use dermatome::skin::{Patch, PatchId, Skin};
+use dermatome::skin::{Patch, PatchId, Skin, TaxelId};
 use glam::{DVec2, DVec3};
 
 /// A domed sheet of uneven sides; `bent` moves its taxels in the plane before it is domed.
@@ -126,7 +127,7 @@ fn a_sheet_lies_on_the_map_of_another() {
     assert!(worst < 0.005, "{worst} m");
     let read = map_from_bytes(map_to_bytes(&map).unwrap()).unwrap();
     assert_eq!(read.atlas, map.atlas);
-    assert_eq!(read.patches[PatchId::new(0)].atlas.as_deref(), Some("sheet"));
+    assert_eq!(read.patches[PatchId::new(0)].plane(), "sheet");
     assert!(share_plane(&read, atlas).unwrap() && share_plane(atlas, &map).unwrap());
     let of_file = map_from_bytes(map_to_bytes(atlas).unwrap()).unwrap();
     assert_eq!(map_hash(&of_file).unwrap(), map_hash(atlas).unwrap(), "in memory and in a file");
@@ -168,10 +169,18 @@ fn wrong_landmarks_are_refused() {
     assert_eq!(refused(&marks_at(&PLACES[..3])).kind(), "too_few");
     assert_eq!(refused(&marks_at(&[[0, 2], [1, 2], [2, 2], [4, 2]])).kind(), "on_a_line");
     let Landmarks::Taxels(rows) = marks_at(&PLACES) else { unreachable!() };
-    let mut twice = rows.clone();
-    twice[7].taxel = twice[3].taxel;
-    let error = refused(&Landmarks::Taxels(twice));
-    assert!(error.kind() == "one_place" && error.to_string().contains("line 5 and line 9"), "{error}");
+    for of_atlas in [false, true] {
+        let mut twice = rows.clone();
+        if of_atlas {
+            twice[7].atlas = twice[3].atlas;
+        } else {
+            twice[7].taxel = twice[3].taxel;
+        }
+        let error = refused(&Landmarks::Taxels(twice));
+        let whose = if of_atlas { "the atlas" } else { "the skin" };
+        assert!(error.kind() == "one_place" && error.to_string().contains("line 5 and line 9"), "{error}");
+        assert!(error.to_string().contains(whose), "{error}");
+    }
     let mut exchanged = rows.clone();
     let (a, b) = (exchanged[1].atlas, exchanged[5].atlas);
     (exchanged[1].atlas, exchanged[5].atlas) = (b, a);
@@ -190,6 +199,52 @@ fn wrong_landmarks_are_refused() {
     assert_eq!(kind(onto(free, atlas, &Landmarks::Taxels(rows), true)), "other_hand");
 }
 
+/// Of 25 landmarks the one that is a fifth of the sheet off is named with its distance; right ones are not doubted, and the
+/// landmark is used all the same.
+#[test]
+fn a_landmark_that_is_off_is_named() {
+    let Pair { free, atlas, .. } = &*PAIR;
+    let quarters: Vec<[usize; 2]> = (0..25).map(|k| [k % 5, k / 5]).collect();
+    let (_, right) = onto(free, atlas, &marks_at(&quarters), false).unwrap();
+    assert_eq!(right.patches[0].doubtful, None);
+    let Landmarks::Taxels(mut rows) = marks_at(&quarters) else { unreachable!() };
+    let [columns, _] = B;
+    rows[12].atlas.1 = VertexId::new(rows[12].atlas.1.index() + 4 + 2 * columns);
+    let (map, wrong) = onto(free, atlas, &Landmarks::Taxels(rows), false).unwrap();
+    let doubt = wrong.patches[0].doubtful.clone().unwrap();
+    assert_eq!(doubt.landmark, "line 14");
+    assert!((doubt.miss - 0.022).abs() < 0.008, "{} m for 22 mm", doubt.miss);
+    assert!(wrong.remarks()[0].contains("line 14 may be wrong"), "{:?}", wrong.remarks());
+    let on = map.patches[PatchId::new(0)].atlas.clone().unwrap();
+    assert_eq!((on.patch.as_str(), on.landmarks + on.left_out), ("sheet", 25));
+}
+
+/// A map says by how many landmarks it lies on the atlas, and its energy before.
+#[test]
+fn a_map_says_what_it_cost_to_draw_it_on_an_atlas() {
+    let Pair { free, atlas, .. } = &*PAIR;
+    let (map, _) = onto(free, atlas, &marks_at(&PLACES), false).unwrap();
+    let read = map_from_bytes(map_to_bytes(&map).unwrap()).unwrap();
+    let on = read.patches[PatchId::new(0)].atlas.clone().unwrap();
+    assert_eq!((on.landmarks, on.left_out), (9, 0));
+    assert_eq!(on.free_dirichlet, Some(uv(free).distortion.symmetric_dirichlet));
+    let said = atlas_sentences(&read);
+    assert_eq!(said.len(), 2);
+    assert!(said[1].contains("on its patch sheet by 9 landmarks; symmetric Dirichlet energy"), "{}", said[1]);
+    assert!(atlas_sentences(free).is_empty());
+}
+
+/// An id must be that of one taxel of all patches.
+#[test]
+fn ids_of_several_taxels_are_no_landmarks() {
+    let Pair { skin, atlas, .. } = &*PAIR;
+    let taxels = &skin.patches[PatchId::new(0)].taxels;
+    let pairs: Vec<[TaxelId; 2]> = (0..4).map(|k| [taxels.ids[VertexId::new(7 * k)], TaxelId(1)]).collect();
+    assert!(Landmarks::of_ids([taxels], atlas, &pairs).is_ok());
+    let error = Landmarks::of_ids([taxels, taxels], atlas, &pairs).unwrap_err();
+    assert!(matches!(error, RegistrationError::NoTaxel { found: 2, .. }), "{error}");
+}
+
 /// A landmark on the seam of a closed skin has two places.
 #[test]
 fn a_landmark_on_a_seam_is_refused() {
@@ -198,16 +253,29 @@ fn a_landmark_on_a_seam_is_refused() {
     let level = uv(&map);
     let on_seam = level.cut.as_ref().unwrap().unsplit.iter().next_back().copied().unwrap();
     let at = (PatchId::new(0), on_seam);
+    let free = |v: &VertexId| {
+        !level
+            .cut
+            .as_ref()
+            .unwrap()
+            .unsplit
+            .iter()
+            .skip(map.patches[PatchId::new(0)].taxels.ids.len())
+            .any(|w| w == v)
+    };
+    let beside = (PatchId::new(0), (0..).map(VertexId::new).find(|v| free(v)).unwrap());
     let row = |v: usize| Landmark {
         name: format!("line {v}"),
         taxel: (PatchId::new(0), VertexId::new(v)),
         atlas: (PatchId::new(0), VertexId::new(v)),
     };
-    let mut rows: Vec<Landmark> = [5, 60, 100, 140].map(row).to_vec();
-    rows.push(Landmark { name: "line 9".into(), taxel: at, atlas: (PatchId::new(0), VertexId::new(9)) });
-    let error = onto(&map, &map, &Landmarks::Taxels(rows), false).map(|_| ()).unwrap_err();
-    assert!(error.kind() == "on_seam" && error.to_string().starts_with("line 9"), "{error}");
-    assert!(matches!(error, RegistrationError::OnSeam { .. }));
+    for (taxel, atlas, whose) in [(at, beside, "the skin"), (beside, at, "the atlas")] {
+        let mut rows: Vec<Landmark> = [5, 60, 100, 140].map(row).to_vec();
+        rows.push(Landmark { name: "line 9".into(), taxel, atlas });
+        let error = onto(&map, &map, &Landmarks::Taxels(rows), false).map(|_| ()).unwrap_err();
+        assert!(error.kind() == "on_seam" && error.to_string().starts_with("line 9"), "{error}");
+        assert!(error.to_string().contains(whose), "{error}");
+    }
 }
 
 /// Forces keep their sum, pressures their values, and a skin on its own map carries nothing away.
@@ -353,6 +421,22 @@ fn a_closed_skin_is_cut_along_the_seam_of_its_atlas() {
     let options = BuildOptions { cut: Cut::Along(seams), ..BuildOptions::default() };
     let cut = build_with(&skin, &options, Run::default()).unwrap();
     assert!(uv(&cut.map).cut.is_some());
+    // Its triangles are others than those of the atlas, and taxels come to where they are on it.
+    let seam: Vec<VertexId> =
+        uv(&cut.map).cut.as_ref().unwrap().unsplit.iter().skip(own.positions.len()).copied().collect();
+    let Landmarks::Taxels(rows) = marks else { unreachable!() };
+    let beside = rows.into_iter().filter(|row| !seam.contains(&row.taxel.1)).collect();
+    let (map, _) = onto(&cut.map, &atlas, &Landmarks::Taxels(beside), false).unwrap();
+    let mut errors: Vec<f64> = Vec::new();
+    for (v, &at) in theirs.positions.enumerate().filter(|(v, _)| !on_seam.contains(v)) {
+        let same = nearest(stretched(at));
+        let is_near = stretched(at).distance(own.positions[same]) < 0.2 * spacing;
+        if is_near && !seam.contains(&same) {
+            errors.push(uv(&map).uv[PlaceId::first_of(same)].distance(uv(&atlas).uv[PlaceId::first_of(v)]));
+        }
+    }
+    errors.sort_by(f64::total_cmp);
+    assert!(errors.len() > 8 && errors[errors.len() / 2] < 0.5 * spacing, "{errors:?}");
     // A skin with a boundary keeps its own cut.
     assert!(carried_seams(&PAIR.skin, &PAIR.atlas, &marks_at(&PLACES)).unwrap().is_empty());
 }

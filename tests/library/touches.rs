@@ -6,8 +6,8 @@ use dermatome::calib::Pose;
 use dermatome::io::{read_observations, write_touch_contacts};
 use dermatome::skin::TaxelId;
 use dermatome::touches::{
-    ArmOptions, ArmSimulation, Drawing, LeftOutReading, TouchBody, TouchContact, TouchFrame, TouchLog,
-    TouchesOptions, contacts_of_touches, simulate_arm,
+    ArmOptions, ArmSimulation, Drawing, LeftOutReading, LogFaults, TouchBody, TouchContact, TouchFrame,
+    TouchLog, TouchesOptions, contacts_of_touches, simulate_arm,
 };
 use glam::{DMat3, DQuat, DVec3};
 
@@ -282,6 +282,51 @@ fn one_spiked_reading_is_left_out_and_named() {
         let of_taxel = positions(&spiked.contacts)[&taxel].0.distance(clean[&taxel].0);
         assert!(of_taxel < 1e-3, "times {factor}: taxel {taxel} moves by {of_taxel} m");
     }
+}
+
+/// A late or early clock is found within 10 ms at 1 mm of noise, and taken off, which brings taxels nearer to where they
+/// are. A log without one has none.
+#[test]
+fn late_readings_are_found_and_taken_off() {
+    let options = ArmOptions { taxels: 80, arm_noise: 1e-3, seed: 5, ..ArmOptions::default() };
+    let simulation = simulate_arm(&options).unwrap();
+    let found = |log: &TouchLog| contacts_of_touches(log, &TouchesOptions::default()).unwrap();
+    let clean = found(&simulation.log);
+    let delay = clean.summary.delay.unwrap();
+    assert!(!delay.is_significant() && delay.removed == 0.0 && delay.seconds.abs() < 0.01, "{delay:?}");
+    let usual = self::error(&pairs(&simulation, &clean.contacts));
+    for late in [0.04, -0.04, 0.12] {
+        let faulty = LogFaults { late, ..LogFaults::default() }.apply(&simulation.log).unwrap();
+        let found = found(&faulty.log);
+        let delay = found.summary.delay.unwrap();
+        let error = self::error(&pairs(&simulation, &found.contacts));
+        println!("late {late} s: {delay:?}, {:.3} mm for {:.3} mm", 1e3 * error, 1e3 * usual);
+        assert!((delay.seconds - late).abs() < 0.01 && (delay.removed - late).abs() < 0.01, "{delay:?}");
+        let none = TouchesOptions { delay: Some(0.0), ..TouchesOptions::default() };
+        let worse = contacts_of_touches(&faulty.log, &none).unwrap();
+        let worse = self::error(&pairs(&simulation, &worse.contacts));
+        assert!(error < 0.6 * worse, "{error} m, {worse} m with the delay, {usual} m in the clean log");
+        let given = TouchesOptions { delay: Some(late), ..TouchesOptions::default() };
+        let given = contacts_of_touches(&faulty.log, &given).unwrap().summary.delay.unwrap();
+        assert!(
+            (given.removed - late).abs() < 1e-12 && (given.seconds - late).abs() < 0.01,
+            "as given: {given:?}"
+        );
+    }
+}
+
+/// Lines that all go one way say nothing of the delay: it is a motion of all taxels along them.
+#[test]
+fn one_direction_does_not_tell_a_delay() {
+    let options = ArmOptions { taxels: 80, arm_noise: 1e-3, seed: 5, ..ArmOptions::default() };
+    let simulation = simulate_arm(&options).unwrap();
+    let mut log = LogFaults { late: 0.04, ..LogFaults::default() }.apply(&simulation.log).unwrap().log;
+    // Every other line of the raster goes back.
+    log.frames.retain(|frame| frame.touch % 2 == 0);
+    let delay = contacts_of_touches(&log, &TouchesOptions::default()).unwrap().summary.delay;
+    println!("{delay:?}");
+    // Of lines both ways it is 1.7 ms.
+    assert!(delay.is_none_or(|delay| delay.sigma > 5e-3 && delay.removed == 0.0), "{delay:?}");
 }
 
 /// What is not a reading is refused with its line; squares of what is accepted are numbers.

@@ -281,6 +281,35 @@ fn a_drift_that_all_taxels_share_is_no_contact() {
     }
 }
 
+/// The threshold is that of readings whose zero is known, on any seed, and noise alone is no contact.
+#[test]
+fn thresholds_do_not_depend_on_how_zeros_are_known() {
+    let map = sheet();
+    let options = TrackerOptions { rest: Rest::AtZero, threshold: None, ..TrackerOptions::default() };
+    let mut ratios = Vec::new();
+    for seed in 0..20 {
+        let mut random = Random(900 + seed);
+        let (mut zeros, mut frame) = (ZeroTracker::new(&map, &[Channel::default()]), Frame::new(&map, 1));
+        let mut contacts =
+            [(); 2].map(|()| ContactTracker::new(&map, &Channel::default(), &options).unwrap());
+        for k in 0..100 {
+            frame.time = 0.1 * f64::from(k);
+            frame.values[patch()][0].iter_mut().for_each(|x| *x = 3.0 * random.normal());
+            assert!(contacts[0].track(&frame).is_empty(), "seed {seed}, frame {k}");
+            frame.values[patch()][0].iter_mut().for_each(|x| *x += 500.0);
+            assert!(contacts[1].track(zeros.apply(&frame)).is_empty(), "seed {seed}, frame {k}");
+        }
+        let [known, followed] = contacts.each_ref().map(|contacts| contacts.threshold().unwrap());
+        assert!((followed / known - 1.0).abs() < 1e-9, "seed {seed}: {followed} of {known}");
+        ratios.push(known / (3.0 * 6.405));
+    }
+    let mean = ratios.iter().sum::<f64>() / 20.0;
+    assert!(
+        (0.97..1.05).contains(&mean) && ratios.iter().all(|ratio| (0.85..1.3).contains(ratio)),
+        "{ratios:?}"
+    );
+}
+
 /// Two patches that drift in opposite directions have no drift in common.
 #[test]
 fn each_patch_has_a_drift_of_its_own() {

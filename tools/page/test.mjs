@@ -155,6 +155,20 @@ await test('a field of level 2 lights the taxels of the matrix in the map, with 
   await close(page);
 });
 
+await test('levels of the whole body lie above those of the patches and light the taxels of all', async () => {
+  const page = await open(maps.robot);
+  const [says, lit, taxels] = await page.evaluate(() => {
+    const d = window.dermatome;
+    d.setLevel(+document.getElementById('level').max);
+    d.pin({ patch: 0, taxel: 5 });
+    d.draw();
+    return [document.getElementById('level-text').textContent, document.documentElement.dataset.lit, d.patches.reduce((sum, p) => sum + p.taxels, 0)];
+  });
+  assert.match(says, /^body\.L\d+: 1 field$/);
+  assert.equal(+lit, taxels);
+  await close(page);
+});
+
 await test('all places of a taxel on a seam are named', async () => {
   const page = await open(maps.robot);
   const says = await page.evaluate(() => {
@@ -268,6 +282,111 @@ await test('a region that is drawn names the taxels that the page counts', async
   await page.click('#regions button');
   assert.ok(await page.isHidden('#save-regions'));
   await close(page);
+});
+
+/** The pixel of the window that shows a taxel in a view of the skin or of the atlas. */
+const pixelOf = (page, isOwn, isMap, patch, taxel) => page.evaluate(([isOwn, isMap, patch, taxel]) => {
+  const l = window.dermatome.landmarks, stage = isOwn ? l.own : l.stage, box = stage.box.getBoundingClientRect();
+  const [x, y] = stage.view.toPixels(isMap, patch, [[taxel, 1]]);
+  return [x + box.left, y + box.top];
+}, [isOwn, isMap, patch, taxel]);
+
+run('build', join(meshes, 'robot_hand.glb'), '-o', join(folder, 'robot_hand'));
+run('report', join(folder, 'robot_hand', 'map.glb'), '--atlas', join(folder, 'hand', 'map.glb'), '-o', join(folder, 'landmarks.html'));
+const hands = readFileSync(join(meshes, 'hands.csv'), 'utf8').trim().split('\n').slice(1).map((line) => line.split(',').map(Number));
+
+await test('landmarks that are clicked on two skins are those that build takes', async () => {
+  const page = await open(join(folder, 'landmarks.html'));
+  const where = await page.evaluate((hands) => {
+    const l = window.dermatome.landmarks, find = (patches, id) => { for (const [patch, p] of patches.entries()) { const taxel = p.ids.indexOf(id); if (taxel >= 0) return { patch, taxel }; } };
+    return hands.map(([own, other]) => [find(l.own.patches, own), find(l.stage.patches, other)]);
+  }, hands);
+  const count = () => page.evaluate(() => +document.documentElement.dataset.landmarks);
+  assert.match(await page.textContent('#landmarks-needs'), /Still too few: palm: 0 of 4; thumb: 0 of 4/);
+  assert.ok(await page.isDisabled('#save-landmarks') && await page.isDisabled('#accept'));
+  // Four a patch; those of the palm in space, the others on the maps.
+  let made = 0;
+  for (const [k, [own, other]] of where.entries()) {
+    if (k % 5 === 4) continue;
+    for (const [isOwn, at] of [[true, own], [false, other]]) { await page.mouse.click(...await pixelOf(page, isOwn, k >= 5, at.patch, at.taxel)); await settle(page); }
+    assert.equal(await count(), ++made);
+    if (k < 4) assert.match(await page.textContent('#landmarks-needs'), new RegExp(k < 3 ? `palm: ${k + 1} of 4` : '^(?!.*palm:)'));
+  }
+  // Taxels of the atlas are as small as a pixel.
+  const far = await page.evaluate((wanted) => {
+    const l = window.dermatome.landmarks, at = (patches, { patch, taxel }) => patches[patch].frame(taxel)[0].applyMatrix4(patches[patch].pose);
+    return l.pairs.map((pair, k) => [at(l.own.patches, pair.own).distanceTo(at(l.own.patches, wanted[k][0])), at(l.stage.patches, pair.other).distanceTo(at(l.stage.patches, wanted[k][1]))]);
+  }, where.filter((_, k) => k % 5 !== 4));
+  assert.ok(far.every(([own, other]) => own < 1e-6 && other < 0.0025), `${far}`);
+  assert.match(await page.textContent('#landmarks-needs'), /enough/);
+  // The page proposes the farthest place, and expects its partner near where it is: tips of fingers.
+  for (let k = 0; k < 3; k++) {
+    const [own, far] = await page.evaluate(() => {
+      const l = window.dermatome.landmarks, q = l.question, d = l.own.patches[q.own.patch].distances(l.pairs.filter((p) => p.own.patch === q.own.patch).map((p) => p.own.taxel));
+      return [q.guess !== null, d[q.own.taxel]];
+    });
+    assert.ok(own && far > 0.02, `${far} m from other landmarks`);
+    await page.keyboard.press('Enter');
+    assert.equal(await count(), made + k + 1);
+  }
+  await page.screenshot({ path: join(folder, 'landmarks.png') });
+  const expected = await page.evaluate(() => { const l = window.dermatome.landmarks; return l.fit.misses().slice(-3); });
+  assert.ok(expected.every((miss) => miss < 0.02), expected.join());
+  // A taxel of the atlas is one landmark, and a pair goes when it is removed.
+  const taken = await page.evaluate(() => window.dermatome.landmarks.pairs[6].other);
+  await page.mouse.click(...await pixelOf(page, false, true, taken.patch, taken.taxel));
+  assert.match(await page.textContent('#landmarks-wrong'), /is landmark \d+ already/);
+  await page.locator('#landmarks-list button').last().click();
+  assert.equal(await count(), made + 2);
+  await page.locator('#landmarks-list input').first().fill('heel, "left"');
+  await page.focus('#map');
+  const [saved] = await Promise.all([page.waitForEvent('download'), page.click('#save-landmarks')]);
+  assert.equal(saved.suggestedFilename(), 'landmarks.csv');
+  const path = join(folder, 'landmarks.csv');
+  await saved.saveAs(path);
+  assert.match(readFileSync(path, 'utf8'), /^taxel_id,atlas_taxel_id,name\n\d+,\d+,"heel, ""left"""\n/);
+  run('build', join(meshes, 'robot_hand.glb'), '-o', join(folder, 'drawn'), '--atlas', join(folder, 'hand', 'map.glb'), '--landmarks', path);
+  const report = JSON.parse(readFileSync(join(folder, 'drawn', 'report.json'), 'utf8'));
+  assert.deepEqual(report.patches.map((patch) => [patch.atlas.patch, patch.atlas.landmarks >= 4, patch.atlas.left_out]), Array(6).fill(['hand', true, 0]));
+  await close(page);
+  // What was saved is read again.
+  const again = await open(join(folder, 'landmarks.html'));
+  await again.setInputFiles('#landmarks-file', path);
+  await again.waitForSelector(`html[data-landmarks="${made + 2}"]`);
+  assert.equal(await again.locator('#landmarks-list input').first().inputValue(), 'heel, "left"');
+  await again.setInputFiles('#landmarks-file', { name: 'x.csv', mimeType: 'text/csv', buffer: Buffer.from('taxel_id,atlas_taxel_id\n75,71\n7777777,5\n') });
+  await again.waitForSelector('html[data-landmarks="1"]');
+  assert.equal(await again.textContent('#landmarks-wrong'), 'Line 3: 0 taxels of the skin have the id 7777777.');
+  await close(again);
+});
+
+await test('the page says when landmarks are those of the other hand', async () => {
+  const page = await open(join(folder, 'landmarks.html'));
+  const table = (order) => `taxel_id,atlas_taxel_id\n${hands.map(([own], k) => `${own},${hands[5 * Math.floor(k / 5) + order[k % 5]][1]}\n`).join('')}`;
+  for (const [order, isOther] of [[[0, 1, 2, 3, 4], false], [[1, 0, 3, 2, 4], true]]) {
+    await page.setInputFiles('#landmarks-file', { name: 'x.csv', mimeType: 'text/csv', buffer: Buffer.from(table(order)) });
+    await page.waitForFunction((isOther) => document.documentElement.dataset.landmarks === '30' && document.getElementById('landmarks-options').textContent.includes('--mirror') === isOther, isOther);
+    assert.equal((await page.textContent('#landmarks-needs')).includes('the other hand'), isOther);
+    writeFileSync(join(folder, 'order.csv'), table(order));
+    run('build', join(meshes, 'robot_hand.glb'), '-o', join(folder, 'mirrored'), '--atlas', join(folder, 'hand', 'map.glb'), '--landmarks', join(folder, 'order.csv'), ...(isOther ? ['--mirror'] : []));
+  }
+  await close(page);
+});
+
+await test('regions of the same name are proposed first, and no taxel on a seam', async () => {
+  run('report', join(folder, 'named', 'map.glb'), '--atlas', join(folder, 'named', 'map.glb'), '-o', join(folder, 'regions.html'));
+  const page = await open(join(folder, 'regions.html'));
+  assert.match(await page.textContent('#landmarks-text'), /\(wrist: taxel/);
+  await page.keyboard.press('Enter');
+  assert.deepEqual(await page.evaluate(() => window.dermatome.landmarks.pairs.map(({ name, own, other }) => [name, own.taxel === other.taxel])), [['wrist', true]]);
+  assert.doesNotMatch(await page.textContent('#landmarks-text'), /\(wrist: taxel/);
+  await close(page);
+  run('report', join(folder, 'glove', 'map.glb'), '--atlas', join(folder, 'glove', 'map.glb'), '-o', join(folder, 'gloves.html'));
+  const gloves = await open(join(folder, 'gloves.html'));
+  const taxel = await gloves.evaluate(() => { const p = window.dermatome.patches[0]; return p.taxelOf[p.places - 1]; });
+  await gloves.evaluate((taxel) => window.dermatome.landmarks.ask({ patch: 0, taxel }, 'x'), taxel);
+  assert.match(await gloves.textContent('#landmarks-wrong'), /lies on the seam.*click beside it/);
+  await close(gloves);
 });
 
 await test('an address with numbers between frames, levels and taxels opens', async () => {

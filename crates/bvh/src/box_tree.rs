@@ -185,6 +185,33 @@ impl BoxTree {
         });
     }
 
+    /// Calls `visit` with every box that may be within `reach` of `q`, near ones first, approximately, but for those that
+    /// `is_skipped`, which is asked again as the search goes on, and of boxes around many of them.
+    pub fn each_kept(
+        &self,
+        q: DVec3,
+        reach: f64,
+        is_skipped: impl Fn(&Aabb) -> bool,
+        mut visit: impl FnMut(usize),
+    ) {
+        let Self { boxes, scaling, .. } = self;
+        let (local, bound) = (scaling.point(q), reach * scaling.scale);
+        let key = |b: &Bounds| {
+            let b = exact(b);
+            let around = Aabb { lo: scaling.world(b.lo), hi: scaling.world(b.hi) };
+            if is_skipped(&around) { f64::INFINITY } else { b.least_distance(local) }
+        };
+        self.walk(bound, key, |ids| {
+            let mut kept = ids.iter().map(|&id| id as usize);
+            while let Some(id) =
+                kept.find(|&id| boxes[id].least_distance(q) <= reach && !is_skipped(&boxes[id]))
+            {
+                visit(id);
+            }
+            bound
+        });
+    }
+
     /// Calls `visit` with every box that a ray may enter before the distance `visit` returned last, at
     /// first its length; near ones first, approximately.
     pub fn each_along(&self, ray: &Ray, mut visit: impl FnMut(usize) -> f64) {
@@ -328,6 +355,8 @@ fn halved(boxes: &[Aabb]) -> (Vec<Bvh2Node>, Vec<u32>) {
 
 #[cfg(test)]
 mod tests {
+    use std::cell::RefCell;
+
     use glam::DVec2;
     use proptest::prelude::*;
 
@@ -397,6 +426,14 @@ mod tests {
                 let found = sorted(found);
                 prop_assert!(found.iter().all(|&k| away(k) <= reach + rounding || boxes.len() == 1));
                 prop_assert!((0..boxes.len()).all(|k| away(k) > reach - rounding || found.contains(&k)));
+                // What is skipped later is skipped with all that lies in it.
+                let (seen, wall) = (RefCell::new(Vec::new()), q.x + 0.2 * size.x);
+                let is_skipped = |b: &Aabb| !seen.borrow().is_empty() && b.lo.x > wall;
+                tree.each_kept(q, reach, is_skipped, |id| seen.borrow_mut().push(id));
+                let seen = seen.into_inner();
+                prop_assert!(seen.iter().skip(1).all(|&k| found.contains(&k) && boxes[k].lo.x <= wall));
+                let is_kept = |k: &usize| away(*k) < reach - rounding && boxes[*k].lo.x < wall - rounding;
+                prop_assert!((0..boxes.len()).filter(is_kept).all(|k| seen.contains(&k)));
                 let mut nearest = f64::INFINITY;
                 tree.each_near(q, f64::INFINITY, |id| { nearest = away(id).min(nearest); nearest });
                 let expected = (0..boxes.len()).map(away).fold(f64::INFINITY, f64::min);

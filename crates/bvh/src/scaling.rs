@@ -42,6 +42,12 @@ impl Scaling {
         (p - self.origin) * self.scale
     }
 
+    /// The point that [`Self::point`] brings here.
+    #[inline]
+    pub(crate) fn world(&self, local: DVec3) -> DVec3 {
+        local / self.scale + self.origin
+    }
+
     /// A ray moved to begin near the tree, and the distance by which it was moved.
     pub(crate) fn nearby(&self, ray: &Ray) -> (Ray, f64) {
         let along = (self.origin - ray.origin).dot(ray.direction);

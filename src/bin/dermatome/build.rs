@@ -10,9 +10,9 @@ use dermatome::Error;
 use dermatome::atlas::skin_images;
 use dermatome::cut::Cut;
 use dermatome::io::{Outputs, write_images, write_map};
-use dermatome::map::SkinMap;
+use dermatome::map::{OnAtlas, SkinMap};
 use dermatome::page::Page;
-use dermatome::pipeline::{BuildOptions, Built, Enlarged, MagnifyOver, build_with};
+use dermatome::pipeline::{BuildOptions, BuildRemark, MagnifyOver, build_with};
 use dermatome::pyramid::LevelId;
 use dermatome::report::{PatchReport, measure};
 use dermatome::run::Run;
@@ -21,11 +21,8 @@ use indicatif::ProgressBar;
 use serde::Serialize;
 
 use crate::console::errors::{INCOMPLETE, advise};
-use crate::console::notes::{
-    note, note_area_ratio, note_distortion, note_other_energy, note_overlaps, note_placeholders,
-    note_rounding, note_seams,
-};
-use crate::console::print::{json, plain, print_json, print_levels};
+use crate::console::notes::{note, note_build};
+use crate::console::print::{json, print_json, print_levels};
 use crate::console::progress;
 use crate::files::input::{names, read_good_patches, skin_files};
 use crate::files::outputs::{self, cannot_write, write_bytes};
@@ -63,7 +60,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "LENGTH|0", value_parser = length_or_0, allow_hyphen_values = true, help_heading = "Body", hide_short_help = true)]
     across: Option<f64>,
     /// Side of a pixel of the images, in mm on the map [default: 1, or larger where that would make
-    /// more than 256 pixels a taxel]
+    /// more than 256 pixels a taxel, or 4 million in all]
     #[arg(long = "pixel-mm", value_name = "MM", value_parser = side_mm, help_heading = "Images")]
     pixel: Option<f64>,
     /// Map the patches that can be mapped; exit code 1 if others were left out
@@ -121,7 +118,6 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         ..args.read.options(&inputs)
     };
     let (mut skin, left_out) = read_good_patches(&inputs, &args.read, &args.chosen, &assemble, common)?;
-    note_placeholders(&skin, common);
     check_output(folder, &files)?;
     let atlas = args.atlas.read()?;
     args.acuity.apply(&mut skin, common)?;
@@ -151,6 +147,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let report = Report {
         version: env!("CARGO_PKG_VERSION"),
         input: names(&args.skin).display().to_string(),
+        atlas: built.map.atlas.clone(),
         patches: measure(&built.map),
     };
     let timings = Timings {
@@ -168,12 +165,10 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         write_bytes(&common.outputs.file(folder.join(name)), text.as_bytes()).map_err(Error::from)?;
     }
     outputs::publish(common)?;
-    note_rounding(&skin, common);
-    note_seams(&report.patches, common);
-    note_built(&built, common);
-    note_overlaps(&report.patches, &options.flatten, common);
-    note_distortion(&report.patches, &options.flatten, &options.cut, common);
-    note_area_ratio(&report.patches, &options.cut, common);
+    let mut remarks = BuildRemark::of_skin(&skin);
+    remarks.extend(built.remarks(&options));
+    note_build(&remarks, &options, common);
+    note_page(&built.map, common);
     if args.json {
         print_json(SCHEMA, &report)?;
     } else if !common.quiet {
@@ -225,31 +220,14 @@ fn title(skin: &[InPath], folder: &Path) -> String {
     path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default()
 }
 
-/// Prints which patches and levels have no map, and which pixels were chosen.
-fn note_built(built: &Built, common: &Common) {
-    let Built { map, left_out, failed, enlarged, .. } = built;
-    for error in failed {
-        note!(common, "{error}; left out");
-    }
-    for (patch, count) in map.patches.iter().zip(left_out).filter(|(_, count)| **count > 0) {
-        let why = "much too distorted, or too long and thin for a map in 64-bit numbers or the 32-bit ones of its file";
-        note!(common, "{}: left out the coarsest levels, {count} in number: {why}", plain(&patch.name));
-    }
-    note_other_energy(built, common);
+/// Prints that a map has too many taxels for its page.
+fn note_page(map: &SkinMap, common: &Common) {
     let count = taxels(map);
     if count > MOST_SHOWN {
         note!(
             common,
             "{PAGE} is not written for {count} taxels, since a browser is slow with more than {MOST_SHOWN}; \
              `dermatome report` writes it"
-        );
-    }
-    if let Some(Enlarged { pixel_mm, pixels }) = enlarged {
-        let more = *pixels as f64 / 1e6;
-        note!(
-            common,
-            "the images have pixels of {pixel_mm} mm, as with --pixel-mm {pixel_mm}: at 1 mm they would have {more:.0} \
-                 megapixels, more than 256 a taxel"
         );
     }
 }
@@ -261,6 +239,9 @@ struct Report {
     version: &'static str,
     /// The file it was made from.
     input: String,
+    /// The map of another skin that it is drawn on.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    atlas: Option<OnAtlas>,
     patches: Vec<PatchReport>,
 }
 

@@ -15,7 +15,7 @@ use dermatome::run::Run;
 use dermatome::skin::{AssembleOptions, PatchId};
 
 use crate::console::errors::advise;
-use crate::console::notes::{note_area_ratio, note_distortion, note_other_energy, note_overlaps, note_seams};
+use crate::console::notes::note_build;
 use crate::console::print::{print_json, print_levels};
 use crate::console::progress;
 use crate::files::input::{read_skin, select_patches};
@@ -86,7 +86,6 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let built = build_finest(&skin, &options, Run::default().counting(&common.steps))
         .with_context(|| format!("cannot flatten {}", args.mesh.display()))?;
     bar.finish_and_clear();
-    note_other_energy(&built, common);
     let map = &built.map;
     let patch = &map.patches[PatchId::new(0)];
     let finest = &patch.levels[LevelId::new(0)];
@@ -105,10 +104,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     }
     outputs::publish(common)?;
     let report = measure(map);
-    note_seams(&report, common);
-    note_overlaps(&report, &options.flatten, common);
-    note_distortion(&report, &options.flatten, &options.cut, common);
-    note_area_ratio(&report, &options.cut, common);
+    note_build(&built.remarks(&options), &options, common);
     if args.json {
         print_json("dermatome.flatten/1", &report[0].levels[0])?;
     } else if !common.quiet {

@@ -139,6 +139,8 @@ const ENDS: [(&str, &str, &[&str]); 24] = [
             "dermatome touch meshes/forearm.glb -o touch.csv --presses 1 --rate-hz 20",
             "dermatome build meshes/forearm.glb -o forearm",
             "dermatome report forearm/map.glb touch.csv -o touch.html",
+            "dermatome build meshes/robot.glb -o robot",
+            "dermatome report robot/map.glb --atlas forearm/map.glb -o landmarks.html",
         ],
     ),
     (

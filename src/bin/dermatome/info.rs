@@ -3,11 +3,12 @@
 use std::process::ExitCode;
 
 use dermatome::Error;
-use dermatome::id::IdVec;
+use dermatome::body::{FieldLevel, Modality};
 use dermatome::io::IoError;
 use dermatome::map::{RegionId, SkinMap};
 use dermatome::mesh::{Adjacency, mean_edge_length};
-use dermatome::pyramid::{LevelId, Prolongation};
+use dermatome::pyramid::LevelId;
+use dermatome::report::atlas_sentences;
 use dermatome::robot::{Joint, Robot, Role};
 use dermatome::skin::{Link, LinkId, Motion, Patch, PatchId, Presence, Skin, link_names};
 use glam::{DAffine3, DQuat};
@@ -15,7 +16,7 @@ use serde_json::{Value, json};
 
 use crate::console::errors;
 use crate::console::notes::note;
-use crate::console::print::{plain, print, print_gaps, print_json, print_table};
+use crate::console::print::{plain, plain_sentence, print, print_gaps, print_json, print_table};
 use crate::files::input::{gaps_as_json, gaps_of, read_map_if_any, read_skin};
 use crate::options::{Common, InPath, JointsArg, PatchArgs, ReadArgs, RobotArgs, joints};
 
@@ -73,6 +74,15 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         if !gaps.is_empty() {
             all["gaps"] = gaps_as_json(&gaps);
         }
+        if let Some(map) = map.as_ref().filter(|map| map.atlas.is_some()) {
+            all["atlas"] = json!(map.atlas);
+            let patches = all["patches"].as_array_mut().into_iter().flatten();
+            for (row, patch) in patches.zip(&map.patches) {
+                row["atlas"] = json!(patch.atlas);
+                row["atlas"]["symmetric_dirichlet"] =
+                    json!(patch.levels[LevelId::new(0)].distortion.symmetric_dirichlet);
+            }
+        }
         if let Some(map) = map.as_ref().filter(|map| !map.body.levels.is_empty()) {
             let object = |(level, regions)| json!({ "level": level, "fields": Vec::len(&regions), "regions": regions });
             all["body_levels"] = body_levels(map).into_iter().map(object).collect();
@@ -98,12 +108,15 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         let rows: Vec<_> = rows.iter().map(|row| row.each_ref().map(|(name, x)| (*name, cell(x)))).collect();
         print_table(2, &rows)?;
         print_gaps(&gaps)?;
+        let sentences = map.iter().flat_map(atlas_sentences);
+        sentences.into_iter().try_for_each(|sentence| print(&format!("{}\n", plain_sentence(&sentence))))?;
         map.iter().try_for_each(print_body_levels)?;
         for (patch, name, sensors, fields) in modalities(map.as_ref(), &skin) {
             let levels: Vec<String> = fields.iter().map(ToString::to_string).collect();
             let levels =
                 if fields.is_empty() { String::new() } else { format!(", fields {}", levels.join(", ")) };
-            print(&format!("{}.{name}: sensors {sensors}{levels}\n", plain(&patch)))?;
+            let of = patch.map_or_else(|| "body".into(), |patch| plain(&patch));
+            print(&format!("{of}.{name}: sensors {sensors}{levels}\n"))?;
         }
         for (name, [from, to]) in skin.animations.iter().filter_map(times) {
             print(&format!("animation {}: {from} to {to} s\n", plain(name)))?;
@@ -114,12 +127,12 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
 
 /// The names of the levels of the whole body, and the region of each field.
 fn body_levels(map: &SkinMap) -> Vec<(String, Vec<Option<String>>)> {
-    let (regions, rows) = (map.regions(), map.body_rows().0);
-    let name = |region: Option<RegionId>| region.map(|region| regions.names[region].to_string());
-    let of_level = |(level, rows): (LevelId, &IdVec<PatchId, Prolongation>)| {
-        (format!("body.L{level}"), regions.of_body_level(rows).iter().map(|region| name(*region)).collect())
+    let regions = map.regions();
+    let name = |region: &Option<RegionId>| region.map(|region| regions.names[region].to_string());
+    let of_level = |(at, level): (FieldLevel, String)| {
+        (level, regions.of_fields(&map.field_rows(at)).iter().map(name).collect())
     };
-    rows.enumerate().map(of_level).collect()
+    map.field_levels().filter(|(at, _)| at.modality.is_none()).map(of_level).collect()
 }
 
 /// A line for each level of the whole body: the number of fields, and their regions if few have one.
@@ -137,21 +150,28 @@ fn print_body_levels(map: &SkinMap) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Of each patch the modalities besides touch: the number of sensors, and of a map that of the fields of each level.
-fn modalities(map: Option<&SkinMap>, skin: &Skin) -> Vec<(String, String, usize, Vec<usize>)> {
+/// The modalities besides touch of each patch, and of a map those of the whole body, without the name of a patch: the number
+/// of sensors, and of a map that of the fields of each level.
+fn modalities(map: Option<&SkinMap>, skin: &Skin) -> Vec<(Option<String>, String, usize, Vec<usize>)> {
+    let all = || map.iter().flat_map(|map| &map.body.modalities);
+    let sizes = |of: &Modality| of.levels.iter().map(|level| level.origins.len()).collect();
     let fields = |id: PatchId, name: &str| {
-        let mut of_map = map.iter().flat_map(|map| &map.body.modalities);
-        let found = of_map.find(|modality| modality.patch == id && modality.name == name);
-        found.map_or_else(Vec::new, |found| found.levels.iter().map(|level| level.origins.len()).collect())
+        let found = all().find(|modality| modality.patch == Some(id) && modality.name == name);
+        found.map_or_else(Vec::new, sizes)
     };
     let of_patch = |(id, patch): (PatchId, &Patch)| {
         let row = |name: &str| {
             let sensors = patch.taxels.sensors(name).len();
-            (patch.name.clone(), name.to_owned(), sensors, fields(id, name))
+            (Some(patch.name.clone()), name.to_owned(), sensors, fields(id, name))
         };
         patch.taxels.other_modalities().into_iter().map(row).collect::<Vec<_>>()
     };
-    skin.patches.enumerate().flat_map(of_patch).collect()
+    let of_body = |of: &Modality| {
+        let sensors = skin.patches.iter().map(|patch| patch.taxels.sensors(&of.name).len()).sum();
+        (None, of.name.clone(), sensors, sizes(of))
+    };
+    let whole = all().filter(|modality| modality.patch.is_none()).map(of_body);
+    skin.patches.enumerate().flat_map(of_patch).chain(whole).collect()
 }
 
 /// Whether the mesh files of a robot are absent.

@@ -227,9 +227,10 @@ mod tests {
     }
 
     /// Values of options that have no list of words and no default, by the name of their value.
-    const SOUND: [(&str, &str); 43] = [
+    const SOUND: [(&str, &str); 44] = [
         ("A4|A3|W,H", "A3"),
         ("AZIMUTH,ELEVATION", "-65,-45"),
+        ("auto|MS", "40"),
         ("D", "5"),
         ("DEG", "10"),
         ("DIR", "0,1,0"),

@@ -27,7 +27,7 @@ use crate::options::{
     Choice, Common, InPath, LevelArg, OutFile, PatchArgs, ReadArgs, RegionsArgs, level, number, numbers,
     one_of, pattern,
 };
-use crate::readings::{ReadingsArgs, range, remark_join};
+use crate::readings::{ReadingsArgs, range, remark_channel, remark_join};
 
 /// Draw levels of a map side by side, all at one scale, with their receptive fields or their
 /// distortion, or with one frame of readings, and the skin in space.
@@ -235,6 +235,7 @@ fn picture_of_signals(
         let recording = args.readings_args.open_at(zero, path, map, common)?;
         if !is_known {
             remark_join(&recording, path, common);
+            remark_channel(recording.channels(), path, common);
         }
         is_known = true;
         Ok::<_, anyhow::Error>(recording)

@@ -9,7 +9,9 @@ use dermatome::io::{
 };
 use dermatome::map::SkinMap;
 use dermatome::recording::{Fill, FrameRange, Recording, RecordingOptions, RecordingReport};
-use dermatome::signal::{ConditionOptions, Duplicates, Probe, Response, Rest, Scale, TrackerOptions, Zero};
+use dermatome::signal::{
+    Channel, ChannelKind, ConditionOptions, Duplicates, Probe, Response, Rest, Scale, TrackerOptions, Zero,
+};
 
 use crate::console::errors::advise;
 use crate::console::notes::{note, note_columns, rows_of};
@@ -364,7 +366,8 @@ impl ReadingsArgs {
     /// Notes about readings that are not as they should be.
     pub(crate) fn remark(&self, recording: &Recording, common: &Common) {
         for statement in recording.statements() {
-            if statement.source == StatementSource::Checked && statement.what != "missing" {
+            let is_checked = statement.source == StatementSource::Checked && statement.what != "missing";
+            if is_checked || statement.what == "columns not read" {
                 note!(common, "{}: {}", statement.what, statement.value);
             }
         }
@@ -395,4 +398,14 @@ fn shown(path: &Path) -> String {
 pub(crate) fn remark_join(recording: &Recording, path: &Path, common: &Common) {
     let path = shown(path);
     recording.report().join.remarks().iter().for_each(|remark| note!(common, "{path}: {remark}"));
+}
+
+/// Notes which channel is judged, where several measure touches.
+pub(crate) fn remark_channel(channels: &[Channel], path: &Path, common: &Common) {
+    let of_touch: Vec<&Channel> = channels.iter().filter(|channel| channel.kind.is_of_touch()).collect();
+    if let [first, _, ..] = of_touch[..] {
+        let used = of_touch.iter().find(|channel| channel.kind == ChannelKind::Touch).unwrap_or(&first);
+        let (path, count) = (shown(path), of_touch.len());
+        note!(common, "{path}: {count} channels measure touches, of which {} is used", used.name);
+    }
 }

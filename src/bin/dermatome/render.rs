@@ -10,10 +10,11 @@ use std::{path::Path, process::ExitCode, sync::Arc};
 use clap::builder::Resettable;
 use dermatome::Error;
 use dermatome::atlas::{Atlas, AtlasOptions, AtlasPart, Pack, Resolution};
+use dermatome::body::FieldLevel;
 use dermatome::io::{Statement, share_plane};
 use dermatome::map::SkinMap;
 use dermatome::pyramid::LevelId;
-use dermatome::recording::{Carried, RecordingReport};
+use dermatome::recording::{Carried, Recording, RecordingReport};
 use dermatome::signal::Channel;
 use serde_json::{Map, Value, json};
 
@@ -24,7 +25,9 @@ use crate::console::progress;
 use crate::files::input::read_map_first;
 use crate::files::outputs::{self, is_read_once, is_stream};
 use crate::files::signals;
-use crate::options::{Choice, Common, InPath, OutFolder, RegionsArgs, one_of, side_mm};
+use crate::options::{
+    Choice, Common, InPath, LevelArg, OutFolder, RegionsArgs, field_level, level, one_of, side_mm,
+};
 use crate::readings::{FramesArgs, ReadingsArgs, remark_join};
 use crate::render::contacts::ContactsArgs;
 use crate::render::events::EventsArgs;
@@ -79,16 +82,16 @@ struct ImageArgs {
     /// Write the values of taxels and receptive fields into a .npz, and no images
     #[arg(long)]
     values_only: bool,
-    /// Draw this level only [default: all]
-    #[arg(long, value_name = "K")]
-    level: Option<u32>,
+    /// Draw this level only [default: all]; body.L0 and arm.thermal.L0 are drawn at the taxels
+    #[arg(long, value_name = "K|NAME.LK", value_parser = level)]
+    level: Option<LevelArg>,
     /// Draw what each level shows beyond the next coarser one
     #[arg(long)]
     contrast: bool,
-    /// Draw the edges of the values: their gradient on the map, along its u and its v axis
+    /// Draw edges of the values: their gradient on the map, along u and v
     #[arg(long, conflicts_with = "contrast")]
     edges: bool,
-    /// Write into every EXR file also what its pixels show: places, normals, ids and stretch
+    /// Write into EXR files also what pixels show: places, normals, ids, stretch
     #[arg(long = "static")]
     is_static: bool,
     /// Refuse images that need more memory than this
@@ -111,7 +114,13 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         None => Atlas::new(&map, &options),
     };
     let atlas = atlas.map_err(Error::from)?;
-    let level = args.images.level.map(LevelId::from);
+    let (level, fields) = match &args.images.level {
+        Some(LevelArg::Fields(name)) => (None, Some(field_level(name, Some(&map))?.0)),
+        Some(LevelArg::Patches(level)) => (Some(*level), None),
+        None => (None, None),
+    };
+    let atlas = if let Some(at) = fields { atlas.of_fields(&map, at) } else { atlas };
+    let shown = Shown { atlas: &atlas, level, fields };
     let drawn = |part: &&AtlasPart| level.is_none_or(|level| part.level == level);
     let parts: Vec<&AtlasPart> = atlas.parts.iter().filter(drawn).collect();
     if let Some(part) = parts.first().filter(|_| args.pixels.pack.is_some() && !args.images.values_only) {
@@ -126,7 +135,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     }
     let mut recording = args.readings_args.open(args.frames.range()?, &args.readings, &map, common)?;
     let images = &args.images;
-    recording.carry(images.carried(), level);
+    carry(&mut recording, images, &shown)?;
     let channels = recording.level_channels().to_vec();
     if kind == ImagesKind::Array(Array::Npy) {
         check_one_image(&atlas, level)?;
@@ -141,11 +150,12 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         atlas: (!images.values_only).then_some(&atlas),
         channels: &channels,
         level,
+        fields,
         has_static: images.is_static,
     };
     let mut colours = args.colours.clone();
     if kind == ImagesKind::Folder(Pictures::Png) && colours.range.is_none() {
-        let range = range_of_images(args, &map, &atlas, level, common)?;
+        let range = range_of_images(args, &map, &shown, common)?;
         note!(
             common,
             "the colours go from {:.4} to {:.4}, as the values do; --range LOW,HIGH sets them",
@@ -159,7 +169,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let mut events = args.events.open(&map, common)?;
     let has_episodes = recording.episodes() > 1;
     let bar = progress::frames(common, recording.frames(), is_stream(&args.readings));
-    let space = Space::new(args, kind, &map, &atlas, channels.len());
+    let space = Space::new(args, kind, &map, &shown, channels.len());
     space.check(recording.frames().unwrap_or(0))?;
     space.announce(recording.frames().unwrap_or(0), args, common);
     let mut written = 0;
@@ -229,18 +239,36 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
+/// Which images are drawn.
+struct Shown<'a> {
+    atlas: &'a Atlas,
+    /// This level of the patches alone.
+    level: Option<LevelId>,
+    /// This level without a mesh alone.
+    fields: Option<FieldLevel>,
+}
+
+/// Carries frames to the levels that are drawn.
+fn carry(recording: &mut Recording, images: &ImageArgs, shown: &Shown<'_>) -> anyhow::Result<()> {
+    if let Some(at) = shown.fields {
+        recording.carry_fields(at).map_err(Error::from)?;
+    } else {
+        recording.carry(images.carried(), shown.level);
+    }
+    Ok(())
+}
+
 /// The least and the largest value of all images of a recording, which is read once more.
 fn range_of_images(
     args: &Args,
     map: &Arc<SkinMap>,
-    atlas: &Atlas,
-    level: Option<LevelId>,
+    shown: &Shown<'_>,
     common: &Common,
 ) -> anyhow::Result<[f64; 2]> {
     let common = Common { quiet: true, ..common.clone() };
     let mut recording = args.readings_args.open(args.frames.range()?, &args.readings, map, &common)?;
-    recording.carry(args.images.carried(), level);
-    recording.draw(atlas)?;
+    carry(&mut recording, &args.images, shown)?;
+    recording.draw(shown.atlas)?;
     let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
     while let Some(step) = recording.next_step()? {
         for value in step.images.iter().flat_map(|image| &image.values).filter(|value| value.is_finite()) {
@@ -265,6 +293,13 @@ impl Args {
         self.colours.check(kind, is_read_once(&self.readings))?;
         self.events.check()?;
         self.frames.range()?;
+        if self.images.carried() != Carried::Values && matches!(self.images.level, Some(LevelArg::Fields(_)))
+        {
+            return Err(advise(
+                "levels of the whole body and of modalities have no map of their own: no contrast and no edges",
+                "leave --contrast and --edges out, or name a level of the patches",
+            ));
+        }
         if self.images.values_only && kind != ImagesKind::Array(Array::Npz) {
             return Err(advise("--values-only makes a .npz", "name a file that ends in .npz"));
         }
@@ -336,9 +371,9 @@ struct Space {
 }
 
 impl Space {
-    fn new(args: &Args, kind: ImagesKind, map: &SkinMap, atlas: &Atlas, channels: usize) -> Self {
-        let is_drawn = |k: LevelId| args.images.level.is_none_or(|level| k == LevelId::from(level));
-        let parts = atlas.parts.iter().filter(|part| is_drawn(part.level) && !args.images.values_only);
+    fn new(args: &Args, kind: ImagesKind, map: &SkinMap, shown: &Shown<'_>, channels: usize) -> Self {
+        let is_drawn = |k: LevelId| shown.level.is_none_or(|level| k == level);
+        let parts = shown.atlas.parts.iter().filter(|part| is_drawn(part.level) && !args.images.values_only);
         let pixels: u64 = parts.map(|part| part.frame.size_px.map(u64::from).iter().product::<u64>()).sum();
         let levels = map.patches.iter().flat_map(|patch| patch.levels.enumerate());
         let values = levels.filter(|(k, _)| is_drawn(*k) && matches!(kind, ImagesKind::Array(_)));

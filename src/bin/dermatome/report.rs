@@ -8,7 +8,7 @@ use std::sync::Arc;
 use anyhow::Context;
 use clap::builder::Resettable;
 use dermatome::Error;
-use dermatome::io::IoError;
+use dermatome::io::{IoError, read_map};
 use dermatome::map::SkinMap;
 use dermatome::page::{LiveServer, Page};
 
@@ -23,7 +23,8 @@ use crate::readings::{FramesArgs, ReadingsArgs, TouchArgs, remark_join};
 /// Write a page that shows the skin, its map and a recording in a browser, without a network.
 ///
 /// The skin unfolds into its map; what the pointer touches lights on both. A recording plays, with its
-/// contacts and, on the time line, the events that `render --events` writes.
+/// contacts and, on the time line, the events that `render --events` writes. With --atlas the page shows two skins, and
+/// clicks on both make the landmarks of `build --atlas`.
 #[derive(Debug, clap::Args)]
 #[command(group = clap::ArgGroup::new("played").args(["readings", "live"]).multiple(true))]
 #[command(mut_group("ReadingsArgs", |group| group.requires(Resettable::<clap::Id>::Reset).requires("played")))]
@@ -40,6 +41,9 @@ pub(crate) struct Args {
     /// printed, until they end [default readings: standard input]
     #[arg(long, conflicts_with = "output")]
     live: bool,
+    /// Show the map of another skin, too, and take landmarks: places that are the same on both (docs/atlas.md)
+    #[arg(long, value_name = "MAP", conflicts_with = "live")]
+    atlas: Option<InPath>,
     /// Output file: .html; `-`: standard output [default: report.html next to the map]
     #[arg(short, long, value_name = "OUT.html")]
     output: Option<OutFile>,
@@ -71,7 +75,12 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     args.regions.apply(&mut map, common)?;
     let map = Arc::new(map);
     let title = args.title.clone().unwrap_or_else(|| title_of(&args.map));
+    let atlas =
+        args.atlas.as_ref().map(|path| read_map(path).map(|map| (map, title_of(path)))).transpose()?;
     let mut page = Page::new(&map, title)?;
+    if let Some((atlas, name)) = &atlas {
+        page.onto(atlas, name)?;
+    }
     if args.live {
         return serve(args, &map, page, common);
     }

@@ -4,13 +4,12 @@ use std::process::ExitCode;
 use std::sync::Arc;
 
 use dermatome::Error;
-use dermatome::body::Body;
+use dermatome::body::FieldLevel;
 use dermatome::io::{
     LoadWriter, Statement, StatementSource, SummaryCell, SummaryRow, summary_rows, summary_step_rows,
     write_summary, write_summary_steps,
 };
 use dermatome::map::SkinMap;
-use dermatome::pyramid::LevelId;
 use dermatome::signal::{Group, OutsideSteps, Summary};
 use serde_json::{Map, Value, json};
 
@@ -21,7 +20,7 @@ use crate::console::progress;
 use crate::files::input::read_map_first;
 use crate::files::outputs::{self, is_stream};
 use crate::files::signals;
-use crate::options::{Common, InPath, OutFile, RegionsArgs, check_body_level};
+use crate::options::{Common, InPath, LevelArg, OutFile, RegionsArgs, field_level, level};
 use crate::readings::{FramesArgs, ReadingsArgs, TouchArgs, remark_join};
 
 /// Add up a recording by region, patch, link, contact and for the whole skin, or step by step.
@@ -41,8 +40,8 @@ pub(crate) struct Args {
     #[arg(short, long, value_name = "T.csv")]
     output: OutFile,
     /// What has a row. group: the whole skin, each link, patch, region and contact; step: each loading of a patch or a
-    /// region from begin to end, as the steps of a gait; body.L2: the groups, and each field of this level of the
-    /// whole body
+    /// region from begin to end, as the steps of a gait; body.L2, arm.thermal.L0: the groups, and each field of this
+    /// level of the whole body or of a modality
     #[arg(long, value_name = "group|step|body.LK", value_parser = rows, default_value = "group")]
     by: Rows,
     /// Also write the loads of every frame: a table
@@ -65,21 +64,25 @@ pub(crate) struct Args {
 }
 
 /// What has a row of the table.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 enum Rows {
     Groups,
     Steps,
-    /// The groups, and the fields of this level of the whole body.
-    Fields(LevelId),
+    /// The groups, and the fields of this level of the whole body, or of a modality.
+    Fields(String),
 }
 
 fn rows(text: &str) -> Result<Rows, String> {
     match text {
         "group" => Ok(Rows::Groups),
         "step" => Ok(Rows::Steps),
-        _ => Body::number_of(text)
-            .map(Rows::Fields)
-            .ok_or_else(|| "needed: group, step, or body.L0, body.L1, ... of the whole body".into()),
+        _ => match level(text) {
+            Ok(LevelArg::Fields(name)) => Ok(Rows::Fields(name)),
+            _ => {
+                Err("needed: group, step, body.L0, ... of the whole body, or as arm.thermal.L0 of a modality"
+                    .into())
+            }
+        },
     }
 }
 
@@ -92,17 +95,18 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let frames = args.frames.range()?;
     let mut map = read_map_first(&args.map)?;
     args.regions.apply(&mut map, common)?;
-    if let Rows::Fields(level) = args.by {
-        check_body_level(level, Some(&map))?;
-    }
+    let fields: Option<FieldLevel> = match &args.by {
+        Rows::Fields(name) => Some(field_level(name, Some(&map))?.0),
+        Rows::Groups | Rows::Steps => None,
+    };
     let map = Arc::new(map);
     let mut recording = args.readings_args.open(frames, &args.readings, &map, common)?;
     let channel = recording.channel(args.channel.as_deref()).map_err(Error::from)?;
     let tracker = args.touch.options(&recording, channel);
-    match args.by {
-        Rows::Groups => recording.summarise(&tracker),
-        Rows::Steps => recording.summarise_steps(&tracker),
-        Rows::Fields(level) => recording.summarise_fields(&tracker, level),
+    match fields {
+        Some(at) => recording.summarise_fields(&tracker, at),
+        None if args.by == Rows::Steps => recording.summarise_steps(&tracker),
+        None => recording.summarise(&tracker),
     }
     .map_err(Error::from)?;
     remark_join(&recording, &args.readings, common);
@@ -143,7 +147,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let names: Vec<String> = recording.statements().into_iter().filter(is_name).map(|s| s.value).collect();
     let sensor = names.join(" ");
     let output = common.outputs.file(&args.output);
-    match args.by {
+    match &args.by {
         Rows::Groups | Rows::Fields(_) => write_summary(output, &map, &recording.summaries()),
         Rows::Steps => write_summary_steps(output, &map, &recording.summaries(), &sensor),
     }

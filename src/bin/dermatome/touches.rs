@@ -76,6 +76,9 @@ pub(crate) struct Args {
     /// Noise of the arm's position, per axis [default: estimated, or else 1]
     #[arg(long = "arm-noise-mm", value_name = "MM", value_parser = length_mm)]
     arm_noise: Option<f64>,
+    /// How late the readings are next to the poses; `auto`: estimated, and taken off beyond five standard deviations
+    #[arg(long = "delay-ms", value_name = "auto|MS", default_value = "auto", value_parser = delay_ms, allow_hyphen_values = true)]
+    delay: DelayArg,
     /// Leave out taxels: their ids, or the table of faults that `check --recording -o` writes
     #[arg(long, value_name = "ID,...|F.csv", value_parser = skip_arg)]
     skip: Option<SkipArg>,
@@ -84,6 +87,18 @@ pub(crate) struct Args {
     json: bool,
     #[command(flatten)]
     read: ReadArgs,
+}
+
+/// The delay of --delay-ms in s; `None`: estimated.
+#[derive(Debug, Clone, Copy)]
+struct DelayArg(Option<f64>);
+
+fn delay_ms(text: &str) -> Result<DelayArg, String> {
+    if text == "auto" {
+        return Ok(DelayArg(None));
+    }
+    let ms = text.parse::<f64>().ok().filter(|ms| ms.abs() <= 1e3);
+    ms.map(|ms| DelayArg(Some(1e-3 * ms))).ok_or_else(|| "needed: auto, or -1000 to 1000".into())
 }
 
 /// What `--json` prints.
@@ -95,6 +110,9 @@ struct Summary {
     contacts: usize,
     fitted: usize,
     left_out: LeftOut,
+    delay_ms: Option<f64>,
+    delay_sigma_ms: Option<f64>,
+    delay_removed_ms: f64,
     arm_noise_mm: f64,
     reading_noise: Option<f64>,
     spacing_mm: Option<f64>,
@@ -106,6 +124,7 @@ struct LeftOut {
     rows_of_other_links: usize,
     rows_without_taxel: usize,
     touches: usize,
+    frames: usize,
     readings: usize,
     spikes: Vec<Spike>,
 }
@@ -142,6 +161,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         taxel_radius: Some(args.taxel),
         gain: args.stiffness_kpa.map(|kpa| kpa * 1e6 * std::f64::consts::PI * args.taxel * args.taxel),
         arm_noise: args.arm_noise,
+        delay: args.delay.0,
         drawing: drawing.map_err(Error::from).with_context(|| args.about())?,
         left_out: args.left_out(common)?,
     };
@@ -164,9 +184,13 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
                 rows_of_other_links: made.others,
                 rows_without_taxel: made.silent,
                 touches: summary.empty_touches,
+                frames: summary.untimed,
                 readings: summary.lone,
                 spikes: summary.spikes.iter().map(Spike::new).collect(),
             },
+            delay_ms: summary.delay.map(|delay| 1e3 * delay.seconds),
+            delay_sigma_ms: summary.delay.map(|delay| 1e3 * delay.sigma),
+            delay_removed_ms: 1e3 * summary.delay.map_or(args.delay.0.unwrap_or(0.0), |delay| delay.removed),
             arm_noise_mm: 1e3 * summary.arm_noise,
             reading_noise: summary.reading_noise,
             spacing_mm: summary.spacing.map(|spacing| 1e3 * spacing),

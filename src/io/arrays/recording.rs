@@ -1,12 +1,10 @@
 //! A recording as arrays: images and the values of every level, with all that numpy needs to read
 //! them without the map.
 
-use std::borrow::Cow;
-
 use serde_json::{Map, Value, json};
 
 use crate::atlas::{Atlas, AtlasPart};
-use crate::body::BodyLevel;
+use crate::body::FieldLevel;
 use crate::id::IdVec;
 use crate::image::TactileImage;
 use crate::io::IoError;
@@ -29,6 +27,8 @@ pub struct RecordingLayout<'a> {
     pub values: bool,
     /// The one level that is kept; `None`: all.
     pub level: Option<LevelId>,
+    /// The level without a mesh whose values and images are kept, and no others; `None`: those of all, if no level is chosen.
+    pub fields: Option<FieldLevel>,
 }
 
 /// Writes a recording frame by frame: `.npz` with arrays of everything, or `.npy` with one image.
@@ -42,7 +42,7 @@ pub struct RecordingLayout<'a> {
 /// an amount in N per area, in N/m^2; `metres_per_pixel`, one number, or
 /// `PATCH.Lk.metres_per_pixel` where images differ. Packed
 /// images are `Lk.image` and so on. `body.Lk.values` and `body.Lk.valid` are those of the [levels of the whole body](crate::body), which
-/// have no image; a patch that is called `body` next to them has the keys `%62ody.Lk.values` and so on. `PATCH.MODALITY.Lk.values` and `.valid` are
+/// have an image if one of them is chosen alone; a patch that is called `body` next to them has the keys `%62ody.Lk.values` and so on. `PATCH.MODALITY.Lk.values`, `body.MODALITY.Lk.values` and `.valid` are
 /// those of a modality besides touch that a channel [is of](Channel::modality): NaN in the channels that are not, which `valid` leaves out. The `.npy` is `(T, H, W)`, or `(T, C, H, W)` with several
 /// channels.
 ///
@@ -66,6 +66,7 @@ pub struct RecordingLayout<'a> {
 ///     atlas: None,
 ///     values: true,
 ///     level: None,
+///     fields: None,
 /// };
 /// let mut recording = RecordingWriter::create(&folder.join("touch.npz"), &map, &layout)?;
 /// let mut restrictor = Restrictor::new(&map, &channels);
@@ -92,10 +93,9 @@ pub struct RecordingWriter {
     features: Map<String, Value>,
 }
 
-/// A level of the whole body, or of a modality by its number in the map.
+/// A level of the whole body, or of a modality.
 struct FieldValues {
-    modality: Option<usize>,
-    level: LevelId,
+    at: FieldLevel,
     /// Which channels are of it.
     is_of_it: Vec<bool>,
     values: ArrayId,
@@ -186,7 +186,7 @@ impl RecordingWriter {
         for (id, patch) in map.patches.enumerate() {
             let of: Vec<u32> = regions.of_taxels[id].iter().map(|region| number(*region)).collect();
             self.writer.constant(
-                &format!("{}.region", name_in_keys(map, &patch.name)),
+                &format!("{}.region", map.name_in_levels(&patch.name)),
                 &[of.len()],
                 Elements::U32(&of),
             )?;
@@ -244,15 +244,15 @@ impl RecordingWriter {
         for (id, patch) in map.patches.enumerate() {
             let ids: Vec<u32> = patch.taxels.ids.iter().map(|id| id.0).collect();
             self.writer.constant(
-                &format!("{}.ids", name_in_keys(map, &patch.name)),
+                &format!("{}.ids", map.name_in_levels(&patch.name)),
                 &[ids.len()],
                 Elements::U32(&ids),
             )?;
             for (level, fields) in patch.levels.enumerate() {
-                if layout.level.is_some_and(|wanted| wanted != level) {
+                if layout.fields.is_some() || layout.level.is_some_and(|wanted| wanted != level) {
                     continue;
                 }
-                let key = format!("{}.L{level}", name_in_keys(map, &patch.name));
+                let key = format!("{}.L{level}", map.name_in_levels(&patch.name));
                 let shape = [layout.channels.len(), fields.level.mesh.positions.len()];
                 let values = self.writer.growing(&format!("{key}.values"), ElementType::F32, &shape)?;
                 let valid = self.writer.growing(&format!("{key}.valid"), ElementType::U8, &shape[1..])?;
@@ -260,35 +260,17 @@ impl RecordingWriter {
                 self.add_feature(&key, shape.iter().product(), layout.channels);
             }
         }
-        for (level, fields) in map.body.levels.enumerate().filter(|_| layout.level.is_none()) {
-            let is_of_it = vec![true; layout.channels.len()];
-            self.add_fields((format!("body.L{level}"), fields), (None, level), is_of_it, layout.channels)?;
-        }
-        for (number, modality) in map.body.modalities.iter().enumerate().filter(|_| layout.level.is_none()) {
+        let is_kept = |at: FieldLevel| layout.fields.map_or(layout.level.is_none(), |only| only == at);
+        for (at, key) in map.field_levels().filter(|(at, _)| is_kept(*at)) {
             let channels = layout.channels.iter();
-            let is_of_it: Vec<bool> =
-                channels.map(|channel| channel.modality(map) == Some(&*modality.name)).collect();
-            for (level, fields) in modality.levels.enumerate().filter(|_| is_of_it.contains(&true)) {
-                let patch = name_in_keys(map, &map.patches[modality.patch].name);
-                let key = format!("{patch}.{}.L{level}", modality.name);
-                self.add_fields((key, fields), (Some(number), level), is_of_it.clone(), layout.channels)?;
-            }
+            let is_of_it: Vec<bool> = channels.map(|channel| channel.has_fields(map, at)).collect();
+            let Some(fields) = map.fields_of(at).filter(|_| is_of_it.contains(&true)) else { continue };
+            let shape = [layout.channels.len(), fields.origins.len()];
+            let values = self.writer.growing(&format!("{key}.values"), ElementType::F32, &shape)?;
+            let valid = self.writer.growing(&format!("{key}.valid"), ElementType::U8, &shape[1..])?;
+            self.fields.push(FieldValues { at, is_of_it, values, valid });
+            self.add_feature(&key, shape.iter().product(), layout.channels);
         }
-        Ok(())
-    }
-
-    fn add_fields(
-        &mut self,
-        (key, fields): (String, &BodyLevel),
-        (modality, level): (Option<usize>, LevelId),
-        is_of_it: Vec<bool>,
-        channels: &[Channel],
-    ) -> Result<(), IoError> {
-        let shape = [channels.len(), fields.origins.len()];
-        let values = self.writer.growing(&format!("{key}.values"), ElementType::F32, &shape)?;
-        let valid = self.writer.growing(&format!("{key}.valid"), ElementType::U8, &shape[1..])?;
-        self.fields.push(FieldValues { modality, level, is_of_it, values, valid });
-        self.add_feature(&key, shape.iter().product(), channels);
         Ok(())
     }
 
@@ -351,7 +333,9 @@ impl RecordingWriter {
             }
             self.writer.push(*valid, Elements::U8(&all_valid))?;
         }
-        for FieldValues { modality, level, is_of_it, values: array, valid: valid_array } in &self.fields {
+        for FieldValues { at: FieldLevel { modality, level }, is_of_it, values: array, valid: valid_array } in
+            &self.fields
+        {
             let (of_channels, are_measured) = match modality {
                 None => (&frame.body, &frame.is_body_measured),
                 Some(number) => {
@@ -395,22 +379,6 @@ impl RecordingWriter {
     }
 }
 
-/// The name of a patch in keys: `body` is that of the levels of the whole body, where there are some, and the name of
-/// another patch with a modality of it that of its levels.
-fn name_in_keys<'a>(map: &SkinMap, name: &'a str) -> Cow<'a, str> {
-    if name == "body" && !map.body.levels.is_empty() {
-        return "%62ody".into();
-    }
-    let is_taken = |(patch, modality): (&str, &str)| {
-        let mut all = map.body.modalities.iter();
-        all.any(|other| other.name == modality && map.patches[other.patch].name == patch)
-    };
-    match name.rsplit_once('.').filter(|of| is_taken(*of)) {
-        Some((patch, modality)) => format!("{patch}%2e{modality}").into(),
-        None => name.into(),
-    }
-}
-
 /// Side of a pixel, in m.
 fn pixel_size(part: &AtlasPart) -> f64 {
     part.frame.size.x / f64::from(part.frame.size_px[0])
@@ -418,6 +386,6 @@ fn pixel_size(part: &AtlasPart) -> f64 {
 
 /// The name of an image as a part of a key: `palm/L0` becomes `palm.L0`.
 fn key(map: &SkinMap, image: &str) -> String {
-    let of_patch = |(patch, level)| format!("{}.{level}", name_in_keys(map, patch));
+    let of_patch = |(patch, level)| format!("{}.{level}", map.name_in_levels(patch));
     image.rsplit_once('/').map_or_else(|| image.to_owned(), of_patch)
 }

@@ -21,16 +21,7 @@ struct DocumentExtras {
     #[serde(skip_serializing_if = "Option::is_none")]
     body: Option<BodyExtras>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    atlas: Option<AtlasExtras>,
-}
-
-/// An [`OnAtlas`].
-#[derive(Debug, Serialize, Deserialize)]
-struct AtlasExtras {
-    name: String,
-    /// In hexadecimal.
-    hash: String,
-    mirrored: bool,
+    atlas: Option<OnAtlas>,
 }
 
 #[derive(Debug, Serialize, Deserialize)]
@@ -48,11 +39,12 @@ struct BodyExtras {
 
 #[derive(Debug, Serialize, Deserialize)]
 struct ModalityExtras {
-    /// The number of the patch, in the order of their meshes.
-    patch: u32,
+    /// The number of the patch, in the order of their meshes; of the whole body without it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    patch: Option<u32>,
     /// Its name, such as `thermal`.
     name: String,
-    /// Its levels, finest first; level 0 has the taxels of the patch in terms of its fields.
+    /// Its levels, finest first; level 0 has the taxels of the patch, of the body all sensors, in terms of its fields.
     levels: Vec<BodyLevelExtras>,
 }
 
@@ -68,11 +60,7 @@ struct BodyLevelExtras {
 
 /// Writes the body, if it is not empty, and the atlas, if there is one.
 pub(super) fn write_extras(writer: &mut SceneWriter<'_>, map: &SkinMap) -> Result<()> {
-    let atlas = map.atlas.as_ref().map(|on| AtlasExtras {
-        name: on.name.clone(),
-        hash: format!("{:016x}", on.hash),
-        mirrored: on.is_mirrored,
-    });
+    let atlas = map.atlas.clone();
     let body = (map.body != Body::default()).then(|| body_extras(writer, map));
     if body.is_some() || atlas.is_some() {
         writer.root.extras = writer.extras(&DocumentExtras { body, atlas })?;
@@ -90,9 +78,9 @@ fn body_extras(writer: &mut SceneWriter<'_>, map: &SkinMap) -> BodyExtras {
         body.levels.iter().zip(&rows).map(|(level, rows)| add_level(writer, level, &areas(rows))).collect();
     let mut modalities = Vec::new();
     for modality in &body.modalities {
-        let areas = modality.field_areas(&map.patches[modality.patch].taxels.areas);
+        let areas = body.field_areas(modality, |patch| &map.patches[patch].taxels.areas);
         let levels = modality.levels.iter().zip(&areas).map(|(level, areas)| add_level(writer, level, areas));
-        let (patch, name) = (modality.patch.raw(), modality.name.clone());
+        let (patch, name) = (modality.patch.map(PatchId::raw), modality.name.clone());
         modalities.push(ModalityExtras { patch, name, levels: levels.collect() });
     }
     BodyExtras { links, levels, modalities }
@@ -137,11 +125,7 @@ fn read_atlas(document: &Document, extras: serde_json::Value) -> Result<OnAtlas>
             "name, hash of 16 hexadecimal digits and mirrored, true or false",
         )
     };
-    let AtlasExtras { name, hash, mirrored } =
-        AtlasExtras::deserialize(extras).map_err(|e| invalid(e.to_string()))?;
-    let digits = u64::from_str_radix(&hash, 16).ok().filter(|_| hash.len() == 16);
-    let hash = digits.ok_or_else(|| invalid(format!("hash {hash:?}")))?;
-    Ok(OnAtlas { name, hash, is_mirrored: mirrored })
+    OnAtlas::deserialize(extras).map_err(|e| invalid(e.to_string()))
 }
 
 fn read_body(document: &Document, extras: Option<serde_json::Value>) -> Result<Body> {
@@ -169,7 +153,7 @@ fn read_body(document: &Document, extras: Option<serde_json::Value>) -> Result<B
             read_level(document, &format!("modality {} level {number}", excerpt(&name)), level)
         };
         let levels = levels.iter().enumerate().map(of_level).collect::<Result<_>>()?;
-        body.modalities.push(Modality { patch: PatchId::from(patch), name, levels });
+        body.modalities.push(Modality { patch: patch.map(PatchId::from), name, levels });
     }
     Ok(body)
 }

@@ -37,6 +37,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::io::{IoError, error::Result};
+use crate::map::OnPatch;
 
 pub(super) use animation::read_animation;
 pub use read_map::{map_from_bytes, read_map};
@@ -89,7 +90,7 @@ pub(super) struct LevelExtras {
     pub counted: bool,
     /// On level 0 of a map on that of another skin: the patch of that map.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub atlas: Option<String>,
+    pub atlas: Option<OnPatch>,
 }
 
 /// `extras.dermatome` of a mesh of a skin.

@@ -21,7 +21,7 @@ use crate::io::gltf::rows::add_rows;
 use crate::io::gltf::write_skin::{Codes, Names, SheetWriter, joints_of, mesh, node};
 use crate::io::gltf::writer::{Form, PatchNode, SceneWriter};
 use crate::io::gltf::{FrameExtras, LevelExtras};
-use crate::map::{MapError, MapLevel, SkinMap};
+use crate::map::{MapError, MapLevel, OnPatch, SkinMap};
 use crate::mesh::{FlatTriangle, TriMesh, VertexCorners};
 use crate::numeric::{hash, narrow};
 use crate::parallel::{par_collect, par_map};
@@ -47,7 +47,7 @@ use crate::skin::{Link, LinkId, Motion, Skin, Taxels};
 /// order of their meshes; and where there are several patches `levels`, each with accessors `origins` (patch, vertex), `area` (m^2) and `up`: the
 /// fields of the level before in terms of its own. A map on that of another skin has `extras.dermatome.atlas` of the
 /// document: the `name` and the `hash` ([`map_hash`](crate::io::map_hash)) of the other map, and whether it is
-/// `mirrored`; and `atlas` of each level 0 is the patch of the other map.
+/// `mirrored`; and `atlas` of each level 0 is its [`OnPatch`].
 ///
 /// # Errors
 /// If [`SkinMap::validate`] refuses the map or it has no patch, if rounding would turn a triangle
@@ -153,7 +153,7 @@ pub fn write_pyramids(path: impl Into<OutPath>, skin: &Skin, pyramids: &[Pyramid
 /// A patch with its levels, and their maps if there are any; all valid.
 struct PatchLevels<'a> {
     name: &'a str,
-    atlas: Option<&'a String>,
+    atlas: Option<&'a OnPatch>,
     link: LinkId,
     filled: usize,
     taxels: &'a Taxels,

@@ -32,7 +32,7 @@ pub struct TaxelTable<T> {
 /// If the file cannot be read, a column is missing, a factor is not a number from 0.01 to 100, or
 /// an id is named twice or is not that of exactly one taxel. Errors name the line.
 pub fn read_acuities(path: &Path, skin: &mut Skin) -> Result<Vec<String>, IoError> {
-    let homes = Homes::new(skin.patches.iter().map(|patch| &patch.taxels));
+    let homes = Homes::new(skin.patches.enumerate().map(|(id, patch)| (id, &patch.taxels)));
     let mut acuities = skin.patches.map(|patch| IdVec::filled(None, patch.taxels.ids.len()));
     let unused = each_row_of(path, ["taxel_id", "factor"], &mut |row, [id, factor]| {
         let (patch, vertex) = homes.of(row, id)?;
@@ -55,11 +55,11 @@ pub fn read_acuities(path: &Path, skin: &mut Skin) -> Result<Vec<String>, IoErro
 pub(super) struct Homes(HashMap<TaxelId, (PatchId, VertexId, usize)>);
 
 impl Homes {
-    pub(super) fn new<'a>(patches: impl Iterator<Item = &'a Taxels>) -> Self {
+    pub(super) fn new<'a>(patches: impl IntoIterator<Item = (PatchId, &'a Taxels)>) -> Self {
         let mut homes: HashMap<TaxelId, (PatchId, VertexId, usize)> = HashMap::new();
-        for (patch, taxels) in patches.enumerate() {
+        for (patch, taxels) in patches {
             for (vertex, id) in taxels.ids.enumerate() {
-                homes.entry(*id).or_insert((PatchId::new(patch), vertex, 0)).2 += 1;
+                homes.entry(*id).or_insert((patch, vertex, 0)).2 += 1;
             }
         }
         Self(homes)

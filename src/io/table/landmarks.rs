@@ -1,36 +1,75 @@
 //! Tables of landmarks: which taxels of two skins are at the same place.
 
+use std::collections::HashMap;
 use std::path::Path;
 
-use crate::io::IoError;
-use crate::io::file::invalid;
+use crate::id::VertexId;
+use crate::io::error::Result;
+use crate::io::file::{Source, excerpt, invalid};
 use crate::io::table::by_taxel::{Homes, TaxelTable};
-use crate::io::table::each_row_of;
+use crate::io::table::{Row, Table};
 use crate::map::SkinMap;
 use crate::registration::Landmark;
-use crate::skin::Taxels;
+use crate::skin::{PatchId, Taxels};
 
-/// Reads landmarks: columns `taxel_id,atlas_taxel_id`, a taxel of a skin, whose patches are `own`, and the taxel of its atlas
-/// at the same place.
+/// The columns of a table of landmarks; the last three may be absent.
+const COLUMNS: [&str; 5] = ["taxel_id", "atlas_taxel_id", "name", "patch", "atlas_patch"];
+
+/// Reads landmarks: columns `taxel_id,atlas_taxel_id`, a taxel of a skin, whose patches are `own` with their names, and the
+/// taxel of its atlas at the same place. Where patches share ids, columns `patch` and `atlas_patch` say in which one the
+/// taxel is; a column `name` is for notes and errors. Cells of these three may be empty.
 ///
 /// # Errors
 /// If the file cannot be read, a column is missing or there is no row, or a cell is not the id of exactly one taxel.
 /// Errors name the line.
 pub fn read_landmarks<'a>(
     path: &Path,
-    own: impl IntoIterator<Item = &'a Taxels>,
+    own: impl IntoIterator<Item = (&'a str, &'a Taxels)>,
     atlas: &SkinMap,
-) -> Result<TaxelTable<Landmark>, IoError> {
-    let homes = Homes::new(own.into_iter());
-    let of_atlas = Homes::new(atlas.patches.iter().map(|patch| &patch.taxels));
-    let mut rows = Vec::new();
-    let unused = each_row_of(path, ["taxel_id", "atlas_taxel_id"], &mut |row, [id, other]| {
-        let name = format!("line {} of {}", row.at.line, path.display());
-        rows.push(Landmark { name, taxel: homes.of(row, id)?, atlas: of_atlas.of(row, other)? });
-        Ok(())
+) -> Result<TaxelTable<Landmark>> {
+    let source = Source::open(path)?;
+    let table = Table::of(&source)?;
+    let [id, other] = table.columns.need_vector([COLUMNS[0], COLUMNS[1]])?;
+    let [called, patch, other_patch] = [2, 3, 4].map(|k: usize| table.columns.find(COLUMNS[k]));
+    let unused = table.columns.unused(&COLUMNS);
+    let skin = Ids::new(own, patch);
+    let of_atlas = Ids::new(atlas.patches.iter().map(|patch| (&*patch.name, &patch.taxels)), other_patch);
+    let rows = table.rows(|row| {
+        let line = format!("line {} of {}", row.at.line, path.display());
+        let called = called.map(|column| row.text(column)).filter(|name| !name.is_empty());
+        let name = called.map_or_else(|| line.clone(), |name| format!("{line} ({})", excerpt(name)));
+        Ok(Landmark { name, taxel: skin.taxel(row, id)?, atlas: of_atlas.taxel(row, other)? })
     })?;
     match rows.is_empty() {
         true => Err(invalid(path, "table", "no row", "a row for each landmark, four or more in a patch")),
         false => Ok(TaxelTable { rows, unused }),
+    }
+}
+
+/// The taxels of a skin by their ids; where the table has a column of patches, also by those.
+struct Ids<'a> {
+    all: Homes,
+    patches: HashMap<&'a str, Homes>,
+    column: Option<usize>,
+}
+
+impl<'a> Ids<'a> {
+    fn new(patches: impl IntoIterator<Item = (&'a str, &'a Taxels)>, column: Option<usize>) -> Self {
+        let patches: Vec<(PatchId, (&str, &Taxels))> =
+            patches.into_iter().enumerate().map(|(k, patch)| (PatchId::new(k), patch)).collect();
+        let all = Homes::new(patches.iter().map(|(id, (_, taxels))| (*id, *taxels)));
+        let named = patches.iter().filter(|_| column.is_some());
+        let patches = named.map(|&(id, (name, taxels))| (name, Homes::new([(id, taxels)]))).collect();
+        Self { all, patches, column }
+    }
+
+    fn taxel(&self, row: Row<'_>, id: usize) -> Result<(PatchId, VertexId)> {
+        let Some((column, name)) =
+            self.column.map(|column| (column, row.text(column))).filter(|(_, name)| !name.is_empty())
+        else {
+            return self.all.of(row, id);
+        };
+        let patch = self.patches.get(name).ok_or_else(|| row.invalid(column, "the name of a patch"))?;
+        patch.of(row, id)
     }
 }

@@ -44,7 +44,7 @@ pub fn read_regions(path: &Path, map: &mut SkinMap) -> Result<Vec<String>, IoErr
 }
 
 fn read_table(path: &Path, map: &mut SkinMap) -> Result<Vec<String>, IoError> {
-    let homes = Homes::new(map.patches.iter().map(|patch| &patch.taxels));
+    let homes = Homes::new(map.patches.enumerate().map(|(id, patch)| (id, &patch.taxels)));
     let mut seen = HashSet::new();
     let unused = each_row_of(path, ["taxel_id", "region"], &mut |row, [id, region]| {
         let taxel = homes.of(row, id)?;

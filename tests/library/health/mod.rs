@@ -296,6 +296,29 @@ fn nothing_is_judged_without_evidence() {
     }
 }
 
+/// Of several channels that of the normal force is judged, wherever it stands.
+#[test]
+fn forces_along_the_skin_are_not_judged() {
+    let skin = sheet();
+    let (pressed, truth) = record(&skin, &presses(FaultCounts::default().with(TaxelState::Dead, 2), 5));
+    let along = |k: usize| ((k * 7919) % 1009) as f64;
+    let rows = pressed.values.chunks(144).enumerate();
+    let beside = rows
+        .flat_map(|(frame, row)| (0..144).map(move |k| along(144 * frame + k)).chain(row.iter().copied()));
+    let both = Readings {
+        channels: vec![Channel::new("force.x", "N").unwrap(), pressed.channels[0].clone()],
+        values: beside.collect(),
+        ..pressed.clone()
+    };
+    let dead = |readings: Readings| {
+        let report = judge(&skin, &[readings], &HealthOptions::default()).unwrap();
+        found(&report, TaxelState::Dead).map(|finding| finding.taxels.clone()).collect::<Vec<_>>()
+    };
+    let expected = dead(pressed);
+    assert_eq!(expected.len(), truth.taxels.iter().filter(|taxel| taxel.state == TaxelState::Dead).count());
+    assert_eq!(dead(both), expected);
+}
+
 /// Real recordings with two known faults: the module of taxels 58848 to 58859 is stepped, and 59282 jumps alone.
 #[test]
 fn known_faults_of_a_real_cover_are_found() {

@@ -35,18 +35,25 @@ export function mix(ramp: Rgb[], x: number): Rgb {
   return [0, 1, 2].map((c) => Math.round(ramp[k][c] + (at - k) * (ramp[k + 1][c] - ramp[k][c]))) as Rgb;
 }
 
+/** `level 2`, and above the levels of the patches `body.L0`. */
+export function levelName(level: number, patches: Patch[]): string {
+  const most = patches[0]?.most ?? 0;
+  return level < most ? `level ${level}` : `body.L${level - most}`;
+}
+
 /** All that can be shown of these patches; `level` numbers the fields. */
-export function paintNames(patches: Patch[], recording: string | null, hasRegions: boolean): [string, string][] {
+export function paintNames(patches: Patch[], recording: string | null, hasRegions: boolean, hasModalities: boolean): [string, string][] {
   const names: [string, string][] = [];
   if (recording !== null) names.push(['recording', recording]);
   names.push(['field', 'receptive field'], ['angle', 'angle distortion s1/s2'], ['area', 'area on the map / on the skin'], ['receptive', 'receptive area']);
   for (const { name } of patches.flatMap((p) => p.values)) if (!names.some(([n]) => n === name)) names.push([name, name]);
   if (hasRegions) names.push(['region', 'region']);
+  if (hasModalities) names.push(['modality', 'modality']);
   names.push(['presence', 'presence'], ['patch', 'patch'], ['plain', 'none']);
   return names;
 }
 
-export function paint(name: string, patches: Patch[], level: number, regions: string[]): Paint {
+export function paint(name: string, patches: Patch[], level: number, regions: string[], modalities: string[]): Paint {
   const none = { name, unit: '', values: null, categories: null, ramp: SEQUENTIAL, lo: 0, hi: 1 };
   const scale = (label: string, unit: string, values: Float32Array[], ramp = SEQUENTIAL): Paint => {
     const [lo, hi] = limits(values);
@@ -60,9 +67,11 @@ export function paint(name: string, patches: Patch[], level: number, regions: st
     }
     case 'region':
       return { ...none, label: 'region', categories: { of: patches.map((p) => Uint16Array.from(p.taxelOf, (t) => p.region[t])), names: ['no region', ...regions], grey: 0 } };
+    case 'modality':
+      return { ...none, label: 'modality', categories: { of: patches.map((p) => Uint8Array.from(p.taxelOf, (t) => p.senses[t])), names: ['touch', ...modalities], grey: -1 } };
     case 'presence':
-      return { ...none, label: 'presence', categories: { of: patches.map((p) => Uint8Array.from(p.taxelOf, (t) => [3, 0, 1][p.presence[t]])), names: ['present', 'thermal pad', '', 'absent'], grey: 3 } };
-    case 'field': return { ...none, label: level === 0 ? 'at level 0 every taxel is its own field' : `receptive fields of level ${level}` };
+      return { ...none, label: 'presence', categories: { of: patches.map((p) => Uint8Array.from(p.taxelOf, (t) => [3, 0, 1, 2][p.presence[t]])), names: ['present', 'thermal pad', 'other sensor', 'absent'], grey: 3 } };
+    case 'field': return { ...none, label: level === 0 ? 'at level 0 every taxel is its own field' : `receptive fields of ${levelName(level, patches)}` };
     case 'angle': return { ...scale('angle distortion s1/s2', '', patches.map((p) => p.byPlace(([a, b]) => Math.min(100, Math.abs(a / b))))), lo: 1 };
     case 'area': {
       const values = patches.map((p) => p.byPlace(([a, b]) => a * Math.abs(b)));
@@ -98,10 +107,9 @@ export function colour(paint: Paint, patch: Patch, index: number, level: number,
     }
   } else if (paint.categories) {
     for (let k = 0; k < patch.places; k++) set(k, paint.categories.of[index][k] === paint.categories.grey ? UNKNOWN : CATEGORIES[paint.categories.of[index][k] % 12]);
-  } else if (paint.name === 'field' && level > 0 && patch.fields.length > 1) {
-    const shown = Math.min(level, patch.fields.length - 1);
-    const shades = patch.shades(shown);
-    const { indices, weights } = patch.fields[shown];
+  } else if (paint.name === 'field' && patch.fieldsAt(level).weights) {
+    const shades = patch.shades(level);
+    const { indices, weights } = patch.fieldsAt(level);
     for (let k = 0; k < patch.places; k++) {
       const t = patch.taxelOf[k];
       const rgb: Rgb = [0, 0, 0];

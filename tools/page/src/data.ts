@@ -8,9 +8,11 @@ export interface PatchHeader {
   name: string; link: number; taxels: number; filled: number;
   pose: number[]; sheet: number[]; offset: number[];
   space: Box; map: Box; between: Box; most_turn: number;
-  positions: number; places: number; triangles: number; unsplit: number; ids: number; presence: number; region: number; areas: ValuesHeader;
+  positions: number; places: number; triangles: number; unsplit: number; ids: number; presence: number; senses: number; region: number; areas: ValuesHeader;
   keys: number; turns: number; key_origins: number; key_rows: Rows | null;
   values: ValuesHeader[]; levels: LevelHeader[];
+  /** Its taxels in terms of the fields of each level of the whole body. */
+  body: Rows[];
 }
 /** frame, track, event, patch, taxels, area, force, u, v, peak taxel */
 export type Contact = number[];
@@ -25,9 +27,17 @@ export interface RecordingHeader {
   channel: string; unit: string; is_amount: boolean; lo: number; hi: number; force: boolean;
   times: number[]; cuts: number[]; totals: number[]; values: number[]; contacts: Contact[]; parts?: Part[]; events: EventRow[]; threshold: number | null; is_live: boolean;
 }
-export interface Header {
-  version: string; title: string; links: { name: string; parent: number | null }[];
-  patches: PatchHeader[]; regions: string[]; recording: RecordingHeader | null; arrays: [number, number, number][];
+export interface SkinHeader {
+  links: { name: string; parent: number | null }[]; patches: PatchHeader[]; regions: string[];
+  /** What taxels sense besides touch, counted from 1 on. */
+  modalities: string[];
+  /** The number of fields of each level of the whole body. */
+  body: number[];
+}
+export interface Header extends SkinHeader {
+  version: string; title: string; recording: RecordingHeader | null; arrays: [number, number, number][];
+  /** The skin that landmarks lead to. */
+  atlas: (SkinHeader & { name: string }) | null;
 }
 export type Numbers = Uint8Array | Uint16Array | Uint32Array;
 

@@ -1,13 +1,14 @@
 // The page: what is shown, and how it is steered.
 
-import { CATEGORIES, UNKNOWN, colour, figures, mix, paint, paintNames, recordingPaint, type Paint } from './colours';
+import { CATEGORIES, UNKNOWN, colour, figures, levelName, mix, paint, paintNames, recordingPaint, type Paint } from './colours';
 import { load, type Contact, type Data, type EventRow, type Part, type RecordingHeader } from './data';
 import { EventStrip } from './events';
-import { Grid, nearest } from './grid';
+import { Landmarks } from './landmarks';
 import { addEvents, append, listen, type LiveFrame } from './live';
-import { Patch } from './patch';
+import type { Patch } from './patch';
 import { crossesItself, patchNear, taxelsIn, toJson, type Region } from './regions';
-import { View } from './view';
+import { Stage, type Taxel } from './stage';
+import type { View } from './view';
 
 const byId = <T extends HTMLElement>(id: string): T => document.getElementById(id) as T;
 const text = (tag: string, content: string, className = ''): HTMLElement => {
@@ -17,7 +18,6 @@ const text = (tag: string, content: string, className = ''): HTMLElement => {
   return element;
 };
 
-interface Taxel { patch: number; taxel: number }
 /** A box in the frame of a link, by its lower and its upper corner, in m. */
 interface Box { link: number; low: number[]; high: number[] }
 /** Frame of contacts by number: `[frame, track, event, patch, taxels, area, force, u, v, peak]`. */
@@ -25,10 +25,11 @@ const [TRACK, EVENT, PATCH, TAXELS, AREA, FORCE, U, V, PEAK] = [1, 2, 3, 4, 5, 6
 const RELEASE = 2;
 
 class Page {
+  readonly stage: Stage;
   readonly patches: Patch[];
   readonly view: View;
-  readonly sheet: [number, number];
-  private gridMade: Grid | null = null;
+  /** The landmarks that lead to another skin, if it is on the page. */
+  readonly landmarks: Landmarks | null = null;
   private paints: Paint;
   private hovered: Taxel | null = null;
   private pinned: Taxel | null = null;
@@ -53,44 +54,28 @@ class Page {
   private queued = true;
   private isRecolouring = true;
   private isRelighting = true;
-  private readonly overlay = byId<HTMLCanvasElement>('overlay');
-  private readonly stage = byId('stage');
 
   constructor(readonly data: Data) {
     const { header } = data;
-    this.patches = header.patches.map((patch) => new Patch(data, patch));
-    this.sheet = [0, 1].map((a) => this.patches.reduce((most, p) => {
-      for (let k = a; k < p.sheet.length; k += 2) if (p.sheet[k] > most) most = p.sheet[k];
-      return most;
-    }, 1e-9)) as [number, number];
-    this.view = new View(byId<HTMLCanvasElement>('canvas'), this.patches, this.sheet);
+    this.stage = new Stage(data, header, '');
+    ({ patches: this.patches, view: this.view } = this.stage);
+    if (header.atlas) this.landmarks = new Landmarks(data, this.stage, () => this.invalidate());
     if (header.recording && !header.recording.is_live) this.readRecording();
-    this.paints = paint('plain', this.patches, 0, []);
+    this.paints = paint('plain', this.patches, 0, [], []);
     this.controls();
     this.tree();
     this.restore();
     this.setTheme(document.documentElement.dataset.theme ?? (matchMedia('(prefers-color-scheme: dark)').matches ? 'dark' : 'light'));
     // Called at once, before the first picture: nothing is drawn twice.
     if (header.recording?.is_live) this.listen(header.recording);
-    new ResizeObserver(() => this.resize()).observe(this.stage);
+    new ResizeObserver(() => this.resize()).observe(this.stage.box);
   }
-
-  private get grid(): Grid { return (this.gridMade ??= new Grid(this.patches, this.sheet)); }
 
   // Drawing
 
   private resize(): void {
-    const box = this.stage.getBoundingClientRect();
-    const at = (id: string): { x: number; y: number; width: number; height: number } => {
-      const r = byId(id).getBoundingClientRect();
-      return { x: r.left - box.left, y: r.top - box.top, width: r.width, height: r.height };
-    };
-    this.view.skin = at('skin');
-    this.view.map = at('map');
-    const ratio = Math.min(2, devicePixelRatio || 1);
-    this.view.resize(box.width, box.height, ratio);
-    this.overlay.width = box.width * ratio;
-    this.overlay.height = box.height * ratio;
+    this.stage.resize();
+    this.landmarks?.stage.resize();
     this.queued = false;
     this.events?.layout();
     this.draw();
@@ -108,10 +93,12 @@ class Page {
     if (this.isRelighting) this.light();
     this.view.draw();
     this.drawOverlay();
+    this.landmarks?.draw();
   }
 
   private recolour(): void {
     this.isRecolouring = false;
+    this.landmarks?.paint(this.paints.name, this.level);
     this.patches.forEach((patch, k) => {
       colour(this.paints, patch, k, this.level, this.view.colours(k));
       this.view.coloursChanged(k);
@@ -127,30 +114,28 @@ class Page {
     this.patches.forEach((patch, k) => {
       const colours = this.view.colours(k);
       for (let place = 0; place < patch.places; place++) colours[4 * place + 3] = this.isInBox(patch, place) ? 150 : 0;
-      if (lit && lit.patch === k) for (const [taxel, w] of lit.members) for (const place of patch.placesOf(taxel)) colours[4 * place + 3] = Math.max(1, Math.round(255 * w));
+      const members = lit?.patch === k ? lit.members : (lit?.beyond.find(([p]) => p === k)?.[1] ?? []);
+      for (const [taxel, w] of members) for (const place of patch.placesOf(taxel)) colours[4 * place + 3] = Math.max(1, Math.round(255 * w));
       this.view.coloursChanged(k);
     });
     this.describe();
   }
 
-  private levelOf(patch: number): number { return Math.min(this.level, this.patches[patch].fields.length - 1); }
-
-  private lit(): { patch: number; field: number; members: [number, number][] } | null {
-    const at = this.chosen;
+  /** Of a field of the body `beyond` are the taxels on other patches. */
+  private lit(): { patch: number; field: number; members: [number, number][]; beyond: [number, [number, number][]][] } | null {
+    const at = this.chosen, level = this.level;
     if (!at) return null;
-    const patch = this.patches[at.patch], level = this.levelOf(at.patch);
-    const [[field]] = patch.fieldsOf(level, at.taxel);
-    return { patch: at.patch, field, members: patch.members(level, field) };
+    const patch = this.patches[at.patch], [[field]] = patch.fieldsOf(level, at.taxel);
+    const others = patch.sharing(level).filter((other) => other !== patch);
+    const beyond = others.map((other): [number, [number, number][]] => [this.patches.indexOf(other), other.members(level, field)]);
+    return { patch: at.patch, field, members: patch.members(level, field), beyond: beyond.filter(([, members]) => members.length > 0) };
   }
 
   private drawOverlay(): void {
-    const c = this.overlay.getContext('2d')!;
-    const ratio = this.overlay.width / Math.max(1, this.overlay.clientWidth);
-    c.setTransform(ratio, 0, 0, ratio, 0, 0);
-    c.clearRect(0, 0, this.overlay.width, this.overlay.height);
+    const c = this.stage.cleared();
     const style = getComputedStyle(document.documentElement);
     const [ink, accent, back] = ['--ink', '--accent', '--view'].map((name) => style.getPropertyValue(name).trim());
-    this.scaleBar(c, ink);
+    this.stage.scaleBar(c, ink);
     if (this.paints.name === 'recording') this.drawContacts(c, accent, back);
     if (this.paints.name === 'recording') this.drawEvents(c, ink, back);
     if (this.frameDrawn) {
@@ -158,31 +143,10 @@ class Page {
       c.lineWidth = 1.5; c.strokeStyle = accent; c.strokeRect(left, top, right - left, bottom - top);
     }
     this.drawRegions(c, accent, back);
+    this.landmarks?.drawOwn(c, ink, accent, back);
     const at = this.chosen;
     if (!at || !this.view.isShown(at.patch)) return;
-    for (const isMap of [false, true]) for (const place of this.patches[at.patch].placesOf(at.taxel)) {
-      const [x, y] = this.view.toPixels(isMap, at.patch, [[place, 1]]);
-      if (!this.inside(isMap, x, y)) continue;
-      for (const [width, stroke] of [[5, back], [2.2, accent]] as [number, string][]) {
-        c.beginPath(); c.arc(x, y, 8, 0, 7); c.lineWidth = width; c.strokeStyle = stroke; c.stroke();
-      }
-    }
-  }
-
-  private inside(isMap: boolean, x: number, y: number): boolean {
-    const r = isMap ? this.view.map : this.view.skin;
-    return x >= r.x && y >= r.y && x <= r.x + r.width && y <= r.y + r.height;
-  }
-
-  private scaleBar(c: CanvasRenderingContext2D, ink: string): void {
-    const metres = this.view.metresPerPixel(true), { x, y, width, height } = this.view.map;
-    const longest = metres * Math.min(160, 0.4 * width), power = 10 ** Math.floor(Math.log10(longest));
-    const length = power * [5, 2, 1].find((k) => k * power <= longest)!;
-    const px = length / metres, right = x + width - 14, at = y + height - 14;
-    c.strokeStyle = c.fillStyle = ink; c.lineWidth = 1.5;
-    c.beginPath(); c.moveTo(right - px, at - 4); c.lineTo(right - px, at); c.lineTo(right, at); c.lineTo(right, at - 4); c.stroke();
-    c.font = '12px system-ui, "DejaVu Sans", sans-serif'; c.textAlign = 'right';
-    c.fillText(`${+(1000 * length).toPrecision(3)} mm`, right, at - 8);
+    this.stage.ring(c, at, [[5, back], [2.2, accent]]);
   }
 
   /** Centres of contacts with their numbers, and where they came from. */
@@ -230,7 +194,7 @@ class Page {
       for (const { word, contact } of shown) {
         if (!contact || !this.view.isShown(contact.patch)) continue;
         const to = this.pixelsOf(isMap, contact.patch, contact.to, contact.peak), from = this.pixelsOf(isMap, contact.patch, contact.from, contact.peak);
-        if (!to || !this.inside(isMap, ...to)) continue;
+        if (!to || !this.stage.inside(isMap, ...to)) continue;
         const [x, y] = to, angle = from ? Math.atan2(y - from[1], x - from[0]) : 0;
         const hasWay = contact.direction !== null && from && Math.hypot(x - from[0], y - from[1]) > 8;
         c.lineJoin = 'round';
@@ -254,7 +218,7 @@ class Page {
 
   /** The pixel of a place on the map of a patch; that of a taxel, if the place is on no triangle. */
   private pixelsOf(isMap: boolean, patch: number, [u, v]: [number, number], peak: number): [number, number] | null {
-    const of = this.patches[patch], [dx, dy] = of.header.offset, at = this.grid.find(u + dx, v + dy, 1e-2);
+    const of = this.patches[patch], [dx, dy] = of.header.offset, at = this.stage.grid.find(u + dx, v + dy, 1e-2);
     const places: [number, number][] = at && at.patch === patch ? [0, 1, 2].map((k) => [of.triangles[3 * at.face + k], at.weights[k]]) : [[peak, 1]];
     return this.view.toPixels(isMap, patch, places);
   }
@@ -281,7 +245,8 @@ class Page {
     const box = byId('taxel'), at = this.chosen;
     box.replaceChildren();
     document.documentElement.dataset.taxel = at ? `${at.patch}:${at.taxel}` : '';
-    document.documentElement.dataset.lit = `${this.lit()?.members.length ?? 0}`;
+    const lit = this.lit(), count = lit ? lit.beyond.reduce((sum, [, members]) => sum + members.length, lit.members.length) : 0;
+    document.documentElement.dataset.lit = `${count}`;
     if (!at) {
       box.append(text('p', 'Point at the skin or the map. Click to keep a taxel, Esc to let it go.'));
       return;
@@ -290,9 +255,10 @@ class Page {
     const row = (name: string, value: string): void => { list.append(text('dt', name), text('dd', value)); };
     const mm = (x: number): string => (1000 * x).toFixed(1).replace('-', '\u2212');
     const [position, normal] = patch.frame(at.taxel);
-    const presence = ['absent', 'present', 'thermal pad'][patch.presence[at.taxel]];
+    const presence = ['absent', 'present', 'thermal pad', 'other sensor'][patch.presence[at.taxel]];
     row('id', `${patch.ids[at.taxel]}${presence === 'present' ? '' : `, ${presence}`}${at === this.pinned ? ' (kept)' : ''}`);
     row('patch', `${patch.header.name}, ${this.data.header.links[patch.header.link].name}`);
+    if (patch.senses[at.taxel] > 0) row('senses', this.data.header.modalities[patch.senses[at.taxel] - 1].replace(/\+/g, ', '));
     if (patch.region[at.taxel] > 0) row('region', this.data.header.regions[patch.region[at.taxel] - 1]);
     row('position', `${position.toArray().map(mm).join(', ')} mm`);
     row('normal', normal.toArray().map((x) => x.toFixed(2).replace('-', '\u2212')).join(', '));
@@ -300,11 +266,11 @@ class Page {
     row(places.length > 1 ? `on the map, ${places.length} places` : 'on the map', places.map((p) => `${mm(patch.sheet[2 * p] - dx)}, ${mm(patch.sheet[2 * p + 1] - dy)}`).join(' and ') + ' mm');
     for (const value of patch.values) row(value.name, `${figures(value.of[at.taxel])} ${value.unit}`);
     row('area', `${figures(1e6 * patch.areas[at.taxel])} mm²`);
-    const level = this.levelOf(at.patch);
-    if (level > 0) {
-      const of = patch.fieldsOf(level, at.taxel), lit = this.lit()!;
+    if (lit && patch.fieldsAt(this.level).weights) {
+      const of = patch.fieldsOf(this.level, at.taxel);
       row('fields', of.map(([f, w]) => `${f}: ${w.toFixed(2)}`).join(', '));
       const heaviest = [...lit.members].sort((a, b) => b[1] - a[1]).slice(0, 12);
+      if (lit.beyond.length > 0) row('of the body', levelName(this.level, this.patches) + lit.beyond.map(([p, members]) => `, ${members.length} taxels on ${this.patches[p].header.name}`).join(''));
       row(`field ${lit.field}`, `${lit.members.length} taxels: ` + heaviest.map(([t, w]) => `${patch.ids[t]}: ${w.toFixed(2)}`).join(', ') + (lit.members.length > 12 ? ', …' : ''));
     }
     if (this.paints.name === 'recording') {
@@ -388,7 +354,7 @@ class Page {
     let link: number | null = null;
     const low = [Infinity, Infinity, Infinity], high = low.map((x) => -x);
     for (let y = top; y <= bottom; y += step) for (let x = left; x <= right; x += step) {
-      const at = this.taxelAt(isMap, x, y);
+      const at = this.stage.taxelAt(isMap, x, y);
       if (!at || found.has(`${at.patch}:${at.taxel}`)) continue;
       const patch = this.patches[at.patch];
       link ??= patch.header.link;
@@ -504,17 +470,18 @@ class Page {
     const u = this.view.unfold, says = u === 0 ? 'the skin in space' : u === 1 ? 'the map' : `${Math.round(100 * u)} % unfolded`;
     byId('unfold-text').textContent = says;
     byId<HTMLInputElement>('unfold').setAttribute('aria-valuetext', says);
-    byId('skin-label').textContent = u === 0 ? 'skin' : says;
+    byId('skin-label').textContent = u > 0 ? says : this.landmarks ? this.data.header.title : 'skin';
     this.view.dropIds();
+    if (this.landmarks) { this.landmarks.stage.view.unfold = u; this.landmarks.stage.view.dropIds(); }
     this.invalidate();
     this.keep();
   }
 
   setLevel(level: number): void {
-    const most = Math.max(...this.patches.map((p) => p.fields.length)) - 1;
+    const { body } = this.data.header, own = this.patches[0]?.most ?? 1, most = own + body.length - 1;
     this.level = this.view.level = Math.min(most, Math.max(0, Math.round(level)));
-    const count = this.patches.reduce((sum, p, k) => sum + p.fields[this.levelOf(k)].vertices, 0);
-    const says = `level ${this.level}: ${count} ${this.level === 0 ? 'taxels' : 'fields'}`;
+    const count = this.level < own ? this.patches.reduce((sum, p) => sum + p.fieldsAt(this.level).vertices, 0) : body[this.level - own];
+    const says = `${levelName(this.level, this.patches)}: ${count} ${this.level === 0 ? 'taxels' : count === 1 ? 'field' : 'fields'}`;
     const slider = byId<HTMLInputElement>('level');
     slider.max = `${most}`;
     slider.value = `${this.level}`;
@@ -529,7 +496,7 @@ class Page {
     const recording = this.data.header.recording;
     this.paints = name === 'recording' && recording
       ? recordingPaint(recording.channel, recording.unit, untouched(recording), recording.hi, this.patches)
-      : paint(name, this.patches, this.level, this.data.header.regions);
+      : paint(name, this.patches, this.level, this.data.header.regions, this.data.header.modalities);
     byId<HTMLSelectElement>('colour').value = name;
     if (name === 'recording') this.setFrame(this.frame);
     this.isRecolouring = this.isRelighting = true;
@@ -585,14 +552,19 @@ class Page {
     this.frame = Math.min(count - 1, Math.max(0, Math.round(frame)));
     if (this.paints.name === 'recording') {
       const step = (recording.hi - recording.lo) / 254;
+      const read: Float32Array[] = [];
       let first = 0;
       this.patches.forEach((patch, k) => {
-        const values = this.paints.values![k], of = this.readings[k];
+        const of = this.readings[k];
         const taxels = this.live ? this.live.subarray(first, first + patch.taxels) : new Float32Array(patch.taxels);
         first += patch.taxels;
         if (!this.live) for (let t = 0; t < patch.taxels; t++) { const x = of[this.frame * patch.taxels + t]; taxels[t] = x === 0 ? NaN : recording.lo + (x - 1) * step; }
-        const shown = this.levelOf(k) > 0 ? this.blurred(patch, this.levelOf(k), taxels, recording.is_amount) : taxels;
-        for (let p = 0; p < patch.places; p++) values[p] = shown[patch.taxelOf[p]];
+        read.push(taxels);
+      });
+      const shown = this.blurred(read, recording.is_amount);
+      this.patches.forEach((patch, k) => {
+        const values = this.paints.values![k];
+        for (let p = 0; p < patch.places; p++) values[p] = shown[k][patch.taxelOf[p]];
       });
       this.isRecolouring = this.isRelighting = true;
       if (!this.playing && !this.live) this.legend();
@@ -607,21 +579,31 @@ class Page {
     this.invalidate();
   }
 
-  /** What the fields of a level know of readings, on the taxels: fields have the mean or the sum of theirs. */
-  private blurred(patch: Patch, level: number, taxels: Float32Array, isAmount: boolean): Float32Array {
-    const { indices, weights, vertices } = patch.fields[level];
-    const sums = new Float32Array(vertices), areas = new Float32Array(vertices), n = patch.taxels;
-    for (let c = 0; c < 3; c++) for (let t = 0; t < n; t++) {
-      const w = weights![c * n + t], x = taxels[t];
-      if (w === 0 || x !== x) continue;
-      const f = indices![c * n + t], a = w * patch.areas[t];
-      // An amount is shown per taxel, so that one scale serves all levels.
-      sums[f] += isAmount ? w * x : a * x;
-      areas[f] += isAmount ? w : a;
-    }
-    const out = new Float32Array(n);
-    for (let c = 0; c < 3; c++) for (let t = 0; t < n; t++) { const w = weights![c * n + t]; if (w > 0) { const f = indices![c * n + t]; out[t] += areas[f] > 0 ? (w * sums[f]) / areas[f] : NaN; } }
-    return out;
+  /** What the fields of the level know of readings, on the taxels of each patch: fields have the mean or the sum of theirs. */
+  private blurred(read: Float32Array[], isAmount: boolean): Float32Array[] {
+    const fields = this.patches.map((patch) => patch.fieldsAt(this.level));
+    const blank = (vertices: number): [Float32Array, Float32Array] => [new Float32Array(vertices), new Float32Array(vertices)];
+    // Fields of the body are those of all patches.
+    const body = this.level < (this.patches[0]?.most ?? 0) ? null : blank(fields[0].vertices);
+    const sums = fields.map(({ vertices }) => body ?? blank(vertices));
+    this.patches.forEach((patch, k) => {
+      const { indices, weights } = fields[k], [sum, area] = sums[k], n = patch.taxels;
+      if (weights) for (let c = 0; c < 3; c++) for (let t = 0; t < n; t++) {
+        const w = weights[c * n + t], x = read[k][t];
+        if (w === 0 || x !== x) continue;
+        const f = indices![c * n + t], a = w * patch.areas[t];
+        // An amount is shown per taxel, so that one scale serves all levels.
+        sum[f] += isAmount ? w * x : a * x;
+        area[f] += isAmount ? w : a;
+      }
+    });
+    return this.patches.map((patch, k) => {
+      const { indices, weights } = fields[k], [sum, area] = sums[k], n = patch.taxels;
+      if (!weights) return read[k];
+      const out = new Float32Array(n);
+      for (let c = 0; c < 3; c++) for (let t = 0; t < n; t++) { const w = weights[c * n + t]; if (w > 0) { const f = indices![c * n + t]; out[t] += area[f] > 0 ? (w * sum[f]) / area[f] : NaN; } }
+      return out;
+    });
   }
 
   /** The sums of all frames, drawn once, and what they were drawn for. */
@@ -686,23 +668,10 @@ class Page {
     step();
   }
 
-  /** The taxel under a pixel of a view. */
-  private taxelAt(isMap: boolean, x: number, y: number): Taxel | null {
-    const on = isMap ? this.view.mapAt(x, y) : this.view.sheetAt(x, y);
-    if (!on) return null;
-    let at = this.grid.find(on[0], on[1], isMap ? 1e-4 : 0.02);
-    if (!at && isMap) {
-      const m = this.view.metresPerPixel(true);
-      for (const [dx, dy] of [[3, 0], [-3, 0], [0, 3], [0, -3]]) at ??= this.grid.find(on[0] + dx * m, on[1] + dy * m);
-    }
-    if (!at || !this.view.isShown(at.patch)) return null;
-    const patch = this.patches[at.patch];
-    return { patch: at.patch, taxel: patch.taxelOf[nearest(patch, at)] };
-  }
-
   private hover(at: Taxel | null): void {
     if (at?.patch === this.hovered?.patch && at?.taxel === this.hovered?.taxel) return;
     this.hovered = at;
+    this.landmarks?.hover(at);
     this.isRelighting = true;
     this.invalidate();
   }
@@ -730,7 +699,7 @@ class Page {
   private controls(): void {
     const { recording } = this.data.header;
     const select = byId<HTMLSelectElement>('colour');
-    for (const [name, label] of paintNames(this.patches, recording ? `${recording.channel}${recording.unit ? ` (${recording.unit})` : ''}` : null, this.data.header.regions.length > 0)) {
+    for (const [name, label] of paintNames(this.patches, recording ? `${recording.channel}${recording.unit ? ` (${recording.unit})` : ''}` : null, this.data.header.regions.length > 0, this.data.header.modalities.length > 0)) {
       const option = text('option', label) as HTMLOptionElement;
       option.value = name;
       select.append(option);
@@ -750,7 +719,14 @@ class Page {
     byId('draw-region').addEventListener('click', () => this.drawRegion(!this.drawing));
     byId('save-regions').addEventListener('click', () => this.saveRegions());
     byId('help-button').addEventListener('click', () => byId<HTMLDialogElement>('help').showModal());
-    for (const isMap of [false, true]) this.pointers(byId(isMap ? 'map' : 'skin'), isMap);
+    this.stage.steer({
+      hover: (at) => this.hover(at),
+      click: (isMap, x, y) => { if (isMap && this.drawing) this.addCorner(x, y); else if (this.landmarks) this.landmarks.clickOwn(isMap, x, y); else this.pin(this.stage.taxelAt(isMap, x, y)); },
+      choose: (isMap, rectangle) => this.choose(isMap, ...rectangle),
+      drawFrame: (rectangle) => { this.frameDrawn = rectangle; this.invalidate(); },
+      moved: () => this.invalidate(),
+      kept: () => this.keep(),
+    });
     addEventListener('keydown', (e) => this.key(e));
     addEventListener('beforeprint', () => this.print());
   }
@@ -767,86 +743,20 @@ class Page {
     else if (e.key === '-') this.setLevel(this.level + 1);
     else if (e.key === ' ' && !isField) this.play(!this.playing);
     else if (!this.live && (e.key === 'e' || e.key === 'E')) { const frame = this.events?.next(this.frame, e.key === 'E'); if (frame != null) { this.play(false); this.setFrame(frame); this.keep(); } }
-    else if (e.key === 'f' || e.key === 'r') { this.view.reset(); this.invalidate(); this.keep(); }
+    else if (e.key === 'f' || e.key === 'r') { this.view.reset(); this.landmarks?.stage.view.reset(); this.invalidate(); this.keep(); }
     else if (e.key === 'Enter' && this.drawing && !isField) this.closeRegion();
     else if (e.key === 'Backspace' && this.drawing && !isField) { this.drawing.corners.pop(); this.sayRegions(''); }
+    else if (!isField && this.landmarks?.key(e.key)) this.invalidate();
     else if (e.key === 'Escape') { if (this.drawing) this.drawRegion(false); this.hovered = null; this.setBox(null); this.pin(null); }
     else if (e.key === '?') byId<HTMLDialogElement>('help').showModal();
     else return;
     e.preventDefault();
   }
 
-  private pointers(box: HTMLElement, isMap: boolean): void {
-    const eye = isMap ? this.view.mapEye : this.view.skinEye, down = new Map<number, [number, number]>();
-    let moved = 0, corner: [number, number] | null = null;
-    const local = (e: MouseEvent): [number, number] => { const r = box.getBoundingClientRect(); return [e.clientX - r.left, e.clientY - r.top]; };
-    const zoom = (factor: number, [x, y]: [number, number]): void => {
-      const r = isMap ? this.view.map : this.view.skin, before = this.view.metresPerPixel(isMap);
-      eye.zoom = Math.min(200, Math.max(0.2, eye.zoom * factor));
-      const less = before - this.view.metresPerPixel(isMap);
-      eye.x += (x - r.width / 2) * less;
-      eye.y -= (y - r.height / 2) * less;
-      this.view.dropIds();
-      this.invalidate();
-    };
-    box.addEventListener('wheel', (e) => { e.preventDefault(); zoom(Math.exp(-0.0015 * e.deltaY), local(e)); }, { passive: false });
-    /** The rectangle from where the drag began, in pixels of the view. */
-    const rectangle = ([x, y]: [number, number]): [number, number, number, number] =>
-      [Math.min(x, corner![0]), Math.min(y, corner![1]), Math.max(x, corner![0]), Math.max(y, corner![1])];
-    box.addEventListener('pointerdown', (e) => {
-      box.setPointerCapture(e.pointerId);
-      down.set(e.pointerId, local(e));
-      moved = 0;
-      if (e.ctrlKey || e.metaKey) corner = local(e);
-    });
-    box.addEventListener('pointermove', (e) => {
-      const at = local(e), before = down.get(e.pointerId);
-      if (corner) {
-        const r = isMap ? this.view.map : this.view.skin, [left, top, right, bottom] = rectangle(at);
-        this.frameDrawn = [r.x + left, r.y + top, r.x + right, r.y + bottom];
-        this.invalidate();
-        return;
-      }
-      if (!before) { if (e.pointerType !== 'touch') this.hover(this.taxelAt(isMap, ...at)); return; }
-      const [dx, dy] = [at[0] - before[0], at[1] - before[1]];
-      moved += Math.abs(dx) + Math.abs(dy);
-      if (down.size === 2) {
-        const other = [...down].find(([id]) => id !== e.pointerId)![1];
-        zoom(Math.hypot(at[0] - other[0], at[1] - other[1]) / Math.max(1, Math.hypot(before[0] - other[0], before[1] - other[1])), other);
-      } else if (isMap || e.shiftKey || e.buttons === 2) {
-        const m = this.view.metresPerPixel(isMap);
-        eye.x -= dx * m; eye.y += dy * m;
-      } else {
-        eye.azimuth -= 0.009 * dx;
-        eye.elevation = Math.min(1.57, Math.max(-1.57, eye.elevation + 0.009 * dy));
-      }
-      down.set(e.pointerId, at);
-      this.view.dropIds();
-      this.invalidate();
-    });
-    const up = (e: PointerEvent): void => {
-      if (corner) {
-        down.delete(e.pointerId);
-        if (e.type === 'pointerup') this.choose(isMap, ...rectangle(local(e)));
-        corner = this.frameDrawn = null;
-        return;
-      }
-      if (down.delete(e.pointerId) && e.type === 'pointerup' && moved < 5) {
-        if (isMap && this.drawing) this.addCorner(...local(e));
-        else this.pin(this.taxelAt(isMap, ...local(e)));
-      }
-      else this.keep();
-    };
-    box.addEventListener('pointerup', up);
-    box.addEventListener('pointercancel', up);
-    box.addEventListener('pointerleave', () => this.hover(null));
-    box.addEventListener('contextmenu', (e) => e.preventDefault());
-  }
-
   private setTheme(theme: string): void {
     document.documentElement.dataset.theme = theme;
     const isDark = theme === 'dark';
-    this.view.setTheme({ background: isDark ? '#1b1f26' : '#ffffff', ink: isDark ? [0.02, 0.03, 0.05] : [0.1, 0.12, 0.17], accent: isDark ? '#ff4f8f' : '#d4266a' });
+    for (const { view } of [this.stage, ...(this.landmarks ? [this.landmarks.stage] : [])]) view.setTheme({ background: isDark ? '#1b1f26' : '#ffffff', ink: isDark ? [0.02, 0.03, 0.05] : [0.1, 0.12, 0.17], accent: isDark ? '#ff4f8f' : '#d4266a' });
     this.legend();
     if (this.data.header.recording) this.curve();
     this.invalidate();
@@ -891,8 +801,8 @@ class Page {
     const names = [...byId<HTMLSelectElement>('colour').options].map((o) => o.value), wanted = state.get('colour') ?? '';
     // All patches have this level.
     const common = Math.min(...this.patches.map((p) => p.fields.length)) - 1;
-    this.setLevel(numbers('level', 1)?.[0] ?? (this.data.header.recording ? 0 : Math.min(2, common)));
-    this.setPaint(names.includes(wanted) ? wanted : this.data.header.recording ? 'recording' : common > 0 ? 'field' : 'angle');
+    this.setLevel(numbers('level', 1)?.[0] ?? (this.data.header.recording || this.landmarks ? 0 : Math.min(2, common)));
+    this.setPaint(names.includes(wanted) ? wanted : this.data.header.recording ? 'recording' : this.landmarks ? (this.data.header.regions.length > 0 ? 'region' : 'plain') : common > 0 ? 'field' : 'angle');
     this.setFrame(numbers('frame', 1)?.[0] ?? this.firstTouch());
     this.setUnfold(numbers('unfold', 1)?.[0] ?? 0);
     const [patch, taxel] = (state.get('taxel') ?? '').split(':').map(Number);

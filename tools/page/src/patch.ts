@@ -35,6 +35,13 @@ export class Patch {
   readonly keys: Float32Array[];
   readonly values: Values[];
   readonly fields: Fields[];
+  /** Those of the levels of the whole body, whose fields are numbered over all patches. */
+  readonly body: Fields[];
+  /** What the taxels sense, 0 for what `presence` says. */
+  readonly senses: Numbers;
+  /** All patches, and the number of levels of the one that has most. */
+  private peers: Patch[] = [this];
+  most = 0;
   readonly pose: Matrix4;
   /** From the common sheet to the frame of the link. */
   readonly flat: Matrix4;
@@ -45,7 +52,7 @@ export class Patch {
   readonly edges: Uint32Array;
   readonly spacing: number;
 
-  constructor(data: Data, header: PatchHeader) {
+  constructor(data: Data, header: PatchHeader, body: number[]) {
     this.header = header;
     const [dx, dy] = header.offset;
     this.sheet = data.points(header.places, header.map);
@@ -92,6 +99,8 @@ export class Patch {
         shades: null,
       };
     });
+    this.body = header.body.map((direct, k) => ({ vertices: body[k], edges: new Uint32Array(), edgeCount: 0, origins: null, ...rows(data, direct, 255), shades: null }));
+    this.senses = data.array(header.senses).numbers;
     this.edges = this.fields[0].edges;
     let sum = 0;
     for (let e = 0; e < this.edges.length; e += 2) sum += Math.hypot(...[0, 1, 2].map((a) => skin[3 * this.edges[e] + a] - skin[3 * this.edges[e + 1] + a]));
@@ -142,9 +151,23 @@ export class Patch {
     return out;
   }
 
+  /** Makes all patches of a skin known to each other. */
+  static join(patches: Patch[]): void {
+    const most = Math.max(...patches.map((p) => p.fields.length));
+    for (const patch of patches) { patch.peers = patches; patch.most = most; }
+  }
+
+  /** What a level of the slider shows: its own, or its coarsest, and above those of all patches a level of the body. */
+  fieldsAt(level: number): Fields {
+    return level < this.most ? this.fields[Math.min(level, this.fields.length - 1)] : this.body[Math.min(level - this.most, this.body.length - 1)];
+  }
+
+  /** The patches that share the fields of a level with this one. */
+  sharing(level: number): Patch[] { return level < this.most ? [this] : this.peers; }
+
   /** The fields of a taxel on a level, with their weights. */
   fieldsOf(level: number, taxel: number): [number, number][] {
-    const { indices, weights } = this.fields[level];
+    const { indices, weights } = this.fieldsAt(level);
     if (!indices || !weights) return [[taxel, 1]];
     const found: [number, number][] = [];
     for (let c = 0; c < 3; c++) {
@@ -156,7 +179,7 @@ export class Patch {
 
   /** The taxels of a field with their weights. */
   members(level: number, field: number): [number, number][] {
-    const { indices, weights } = this.fields[level];
+    const { indices, weights } = this.fieldsAt(level);
     if (!indices || !weights) return [[field, 1]];
     const found: [number, number][] = [];
     for (let c = 0; c < 3; c++) for (let k = 0; k < this.taxels; k++) {
@@ -168,12 +191,12 @@ export class Patch {
 
   /** A colour number for each field, so that neighbours differ. */
   shades(level: number): Uint8Array {
-    const fields = this.fields[level];
+    const fields = this.fieldsAt(level), sharing = this.sharing(level);
     if (fields.shades) return fields.shades;
     const shades = new Uint8Array(fields.vertices).fill(255);
     const near: Set<number>[] = Array.from({ length: fields.vertices }, () => new Set());
-    for (let k = 0; k < this.taxels; k++) {
-      const of = this.fieldsOf(level, k).map(([f]) => f);
+    for (const patch of sharing) for (let k = 0; k < patch.taxels; k++) {
+      const of = patch.fieldsOf(level, k).map(([f]) => f);
       for (const a of of) for (const b of of) if (a !== b) near[a].add(b);
     }
     for (let f = 0; f < fields.vertices; f++) {
@@ -182,7 +205,8 @@ export class Patch {
       for (let n = 0; n < 12 && taken.has(free); n++) free = (free + 1) % 12;
       shades[f] = free;
     }
-    return (fields.shades = shades);
+    for (const patch of sharing) patch.fieldsAt(level).shades = shades;
+    return shades;
   }
 
   /** The largest singular values of the map of a face. */
@@ -216,18 +240,59 @@ export class Patch {
     return sums.map((sum, k) => (areas[k] > 0 ? sum / areas[k] : NaN));
   }
 
+  private normals: Float32Array | null = null;
+
   /** Position (m) and unit normal of a taxel in the frame of the link. */
   frame(taxel: number): [Vector3, Vector3] {
-    const p = this.keys[0];
-    const normal = new Vector3();
+    const p = this.keys[0], normals = (this.normals ??= this.allNormals());
+    return [new Vector3().fromArray(p, 3 * taxel), new Vector3().fromArray(normals, 3 * taxel)];
+  }
+
+  private allNormals(): Float32Array {
+    const p = this.keys[0], sums = new Float32Array(3 * this.taxels);
     const [x, y, z] = [0, 1, 2].map(() => new Vector3());
     for (let f = 0; f < this.faces; f++) {
       const corners = [0, 1, 2].map((k) => this.triangles[3 * f + k]);
-      if (!corners.some((c) => this.taxelOf[c] === taxel)) continue;
       x.fromArray(p, 3 * corners[0]);
-      normal.add(y.fromArray(p, 3 * corners[1]).sub(x).cross(z.fromArray(p, 3 * corners[2]).sub(x)));
+      y.fromArray(p, 3 * corners[1]).sub(x).cross(z.fromArray(p, 3 * corners[2]).sub(x));
+      for (const c of corners) for (let a = 0; a < 3; a++) sums[3 * this.taxelOf[c] + a] += y.getComponent(a);
     }
-    return [new Vector3().fromArray(p, 3 * taxel), normal.normalize()];
+    for (let t = 0; t < this.taxels; t++) x.fromArray(sums, 3 * t).normalize().toArray(sums, 3 * t);
+    return sums;
+  }
+
+  private seam: Uint8Array | null = null;
+
+  /** Whether a taxel has several places on the map. */
+  isOnSeam(taxel: number): boolean {
+    if (!this.seam) {
+      this.seam = new Uint8Array(this.taxels);
+      for (let k = this.taxels; k < this.places; k++) this.seam[this.taxelOf[k]] = 1;
+    }
+    return this.seam[taxel] === 1;
+  }
+
+  /** The distance of each taxel from the nearest of some, along edges, in m. */
+  distances(from: number[]): Float64Array {
+    const found = new Float64Array(this.taxels).fill(Infinity), { edges, taxelOf } = this, at = this.keys[0];
+    const near: number[][] = Array.from({ length: this.taxels }, () => []);
+    for (let e = 0; e < edges.length; e += 2) {
+      const [a, b] = [taxelOf[edges[e]], taxelOf[edges[e + 1]]];
+      near[a].push(b);
+      near[b].push(a);
+    }
+    // Rounds over those whose distance fell, until none does.
+    let queue = from;
+    for (const t of from) found[t] = 0;
+    while (queue.length > 0) {
+      const next = new Set<number>();
+      for (const a of queue) for (const b of near[a]) {
+        const d = found[a] + Math.hypot(at[3 * a] - at[3 * b], at[3 * a + 1] - at[3 * b + 1], at[3 * a + 2] - at[3 * b + 2]);
+        if (d < found[b]) { found[b] = d; next.add(b); }
+      }
+      queue = [...next];
+    }
+    return found;
   }
 
   /** All places of a taxel: several on a seam. */

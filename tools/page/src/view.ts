@@ -234,6 +234,18 @@ export class View {
     return (room * (ofSkin + flown * (ofMap - ofSkin))) / this.skinEye.zoom;
   }
 
+  /** Whether a place with this normal, in the frame of its link, faces the viewer of the skin; on the sheet all do. */
+  faces(patch: number, normal: Vector3): boolean {
+    return this.unfold > 0.5 || normal.clone().transformDirection(this.patches[patch].pose).dot(this.axes(this.skinEye)[2]) > -0.05;
+  }
+
+  /** Turns the skin so that a place with this normal faces the viewer. */
+  turnTo(patch: number, normal: Vector3): void {
+    const toward = normal.clone().transformDirection(this.patches[patch].pose);
+    Object.assign(this.skinEye, { azimuth: Math.atan2(toward.y, toward.x), elevation: Math.atan2(toward.z, Math.hypot(toward.x, toward.y)) });
+    this.dropIds();
+  }
+
   metresPerPixel(isMap: boolean): number { return (2 * this.half(isMap)) / Math.max(1, (isMap ? this.map : this.skin).height); }
 
   private aim(isMap: boolean): void {
@@ -270,7 +282,7 @@ export class View {
       const dots = (d.dots.material as RawShaderMaterial).uniforms;
       dots.ink.value = new Vector4(r, g, b, 0.75);
       dots.dot_px.value = ratio * Math.min(5, Math.max(1.5, 0.2 * spacing));
-      const shown = Math.min(this.level, this.patches[k].fields.length - 1);
+      const { fields, most } = this.patches[k], shown = this.level < most ? Math.min(this.level, fields.length - 1) : -1;
       d.fields.forEach((lines, level) => {
         lines.visible = d.visible && this.hasLines && level > 0 && level === shown && (this.patches[k].spacing * px * Math.sqrt(this.patches[k].taxels / this.patches[k].fields[level].vertices) > 5);
         (lines.material as RawShaderMaterial).uniforms.ink.value = new Vector4(r, g, b, 0.6);

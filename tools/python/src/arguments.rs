@@ -12,7 +12,7 @@ use pyo3::{
 
 use crate::{
     errors::EXCEPTIONS, hits::PyHits, map::PyMap, observations::PyObservations, options::PackArg,
-    skin::PySkin,
+    response::PyResponse, skin::PySkin,
 };
 
 /// What Python can hand in.
@@ -47,6 +47,7 @@ needed! {
     "True, \"tight\" or \"body\"": PackArg;
     "a sequence of (word, direction, link)": Vec<(String, [f64; 3], String)>;
     "a dict": PyDict;
+    "a Response, as dermatome.response or Response.read makes it": PyResponse;
     "a sequence of Skin": Vec<Bound<'_, PySkin>>;
     "a Map, as dermatome.build or Map.read makes it": PyMap;
     "Hits, as Index.locate makes them": PyHits;

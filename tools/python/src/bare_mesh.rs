@@ -8,18 +8,18 @@ use dermatome::{
     flatten::{Convergence, Distortion, distortion},
     id::VertexId,
     mesh::TriMesh,
-    pipeline::{BuildOptions, build_finest},
+    pipeline::{BuildOptions, BuildRemark, build_finest},
     pyramid::{CoarsenOptions, Level, LevelId, Prolongation, Pyramid},
     skin::{PatchId, TaxelId, Taxels},
 };
 use glam::DVec3;
 use numpy::{PyArray1, PyArray2, PyUntypedArrayMethods};
-use pyo3::{exceptions::PyUserWarning, prelude::*, types::PyList};
+use pyo3::{prelude::*, types::PyList};
 
 use crate::{
     arguments::arg,
     arrays::{Reduced, floats, matrix, one_each, one_number_each, points, reduced, rows, triangles, vector},
-    errors::{bad, error},
+    errors::{bad, error, warn},
     jobs::run,
     map::json,
     matrix::{PyMatrix, Rows},
@@ -66,7 +66,8 @@ struct Flat {
     vertices: Vec<u32>,
     distortion: Distortion,
     convergence: Option<Convergence>,
-    by_dirichlet: bool,
+    /// What may be other than expected.
+    doubts: Vec<String>,
 }
 
 fn mesh_of(vertices: &Bound<'_, PyAny>, faces: &Bound<'_, PyAny>) -> PyResult<TriMesh> {
@@ -152,7 +153,7 @@ pub(crate) fn flatten(
             return Ok(Flat {
                 distortion: distortion(&mesh, &map.uv),
                 convergence: Some(map.convergence),
-                by_dirichlet: false,
+                doubts: Vec::new(),
                 uv: map.uv.iter().map(|at| at.to_array()).collect(),
                 faces: mesh.triangles.iter().map(|corners| corners.map(VertexId::raw)).collect(),
                 vertices: mesh.positions.ids().map(VertexId::raw).collect(),
@@ -161,16 +162,14 @@ pub(crate) fn flatten(
         let mut skin = Skin::from_mesh("mesh", mesh);
         skin.patches[PatchId::new(0)].taxels.acuities = acuity.map(Into::into);
         skin.validate()?;
-        let built = build_finest(
-            &skin,
-            &BuildOptions { cut, flatten: options, ..BuildOptions::default() },
-            stop.run(),
-        )?;
+        let options = BuildOptions { cut, flatten: options, ..BuildOptions::default() };
+        let built = build_finest(&skin, &options, stop.run())?;
+        let doubts = built.remarks(&options).into_iter().filter(BuildRemark::is_doubt);
         let level = &built.map.patches[PatchId::new(0)].levels[LevelId::new(0)];
         Ok(Flat {
             distortion: level.distortion,
             convergence: level.convergence,
-            by_dirichlet: built.by_dirichlet.iter().any(|by_dirichlet| *by_dirichlet),
+            doubts: doubts.map(|doubt| doubt.to_string()).collect(),
             uv: level.uv.iter().map(|at| at.to_array()).collect(),
             faces: level
                 .level
@@ -183,10 +182,7 @@ pub(crate) fn flatten(
         })
     })?;
     let flat = flat.map_err(error)?;
-    if flat.by_dirichlet {
-        let text = c"no usable map by the default energy, so energy=\"symmetric-dirichlet\" was used";
-        PyErr::warn(py, &py.get_type::<PyUserWarning>(), text, 1)?;
-    }
+    flat.doubts.iter().try_for_each(|doubt| warn(py, doubt))?;
     Ok(PyFlattening {
         uv: matrix(py, flat.uv)?.unbind(),
         faces: matrix(py, flat.faces)?.unbind(),

@@ -1,23 +1,23 @@
 //! `build`: from a skin to its maps.
 
-use std::{ffi::CString, path::PathBuf, sync::Arc};
+use std::{path::PathBuf, sync::Arc};
 
 use dermatome::{
     Skin, SkinMap,
     cut::Cut,
     io::{map_hash, map_to_bytes, read_landmarks},
-    pipeline::{BuildOptions, Built, MagnifyOver, build_with},
+    pipeline::{BuildOptions, BuildRemark, Built, MagnifyOver, build_with},
     pyramid::CoarsenOptions,
-    registration::{Landmarks, Onto, carried_seams},
+    registration::{Landmarks, Onto, Registered, carried_seams},
     run::{Progress, Stage},
     skin::{TaxelId, Taxels},
 };
-use pyo3::{exceptions::PyUserWarning, prelude::*};
+use pyo3::prelude::*;
 
 use crate::{
     arguments::arg,
     arrays::pairs,
-    errors::{bad, error},
+    errors::{bad, error, warn},
     jobs::{Stop, run},
     map::PyMap,
     options::{FlattenArgs, acuities, count, cut, direction, positive, word},
@@ -70,8 +70,7 @@ use crate::{
 ///     Draw the map on that of another skin, so that both have the same pixels; needs landmarks.
 /// landmarks : (k, 2) array_like of int, str or os.PathLike, optional
 ///     What is the same on both skins: ids of taxels of the skin and of the atlas, a file with columns
-///     taxel_id,atlas_taxel_id, or "regions" for the centres of regions of one name; four or more in each patch. What is left
-///     out is said by a UserWarning.
+///     taxel_id,atlas_taxel_id, or "regions" for the centres of regions of one name; four or more in each patch.
 /// mirror : bool
 ///     The skin is that of the other hand: draw it on the mirror image of the atlas.
 /// threads : int
@@ -83,6 +82,12 @@ use crate::{
 /// Returns
 /// -------
 /// Map
+///     Its `remarks` are the notes of the command.
+///
+/// Warns
+/// -----
+/// DermatomeWarning
+///     If patches, levels or landmarks were left out, a map is poor or overlaps itself, or an option could not be kept.
 ///
 /// Raises
 /// ------
@@ -157,8 +162,8 @@ pub(crate) fn build(
         )?,
         keep_going,
     };
-    let skin = match skin.cast::<PySkin>() {
-        Ok(skin) => Arc::clone(&skin.get().skin),
+    let (skin, said) = match skin.cast::<PySkin>() {
+        Ok(skin) => (Arc::clone(&skin.get().skin), skin.get().remarks.clone()),
         Err(_) if skin.hasattr("vertices")? || skin.hasattr("points")? => {
             let found = skin.get_type().name()?;
             return Err(bad("skin", found, "a Skin or a file: Skin.from_mesh(mesh) is a Skin"));
@@ -169,7 +174,8 @@ pub(crate) fn build(
         }
         Err(_) => {
             let read = py.get_type::<PySkin>().call_method1("read", (skin,))?;
-            Arc::clone(&read.cast::<PySkin>()?.get().skin)
+            let read = read.cast::<PySkin>()?.get();
+            (Arc::clone(&read.skin), read.remarks.clone())
         }
     };
     let skin = match acuity {
@@ -192,26 +198,29 @@ pub(crate) fn build(
     let made = run(py, count("threads", threads)?, move |stop| -> Result<_, dermatome::Error> {
         let mut options = options;
         if let Some(onto) = onto.as_ref().filter(|_| options.cut == Cut::Auto) {
-            let landmarks = onto.landmarks(skin.patches.iter().map(|patch| &patch.taxels))?;
+            let landmarks = onto.landmarks(skin.patches.iter().map(|patch| (&*patch.name, &patch.taxels)))?;
             let seams = carried_seams(&skin, &onto.atlas, &landmarks)?;
             if !seams.is_empty() {
                 options.cut = Cut::Along(seams);
             }
         }
         let mut built = build_with(&skin, &options, stop.run().telling(&|told| tell(told, stop)))?;
-        let remarks = match onto {
+        let registered = match onto {
             Some(onto) => onto.register(&mut built, &skin, &options)?,
-            None => Vec::new(),
+            None => Registered::default(),
         };
+        let mut remarks = BuildRemark::of_skin(&skin);
+        remarks.extend(built.remarks(&options));
         // What a file holds, so that a map is the same whether it was built, read or unpickled.
-        Ok((PyMap::of_file(map_to_bytes(&built.map)?)?, remarks))
+        Ok((PyMap::of_file(map_to_bytes(&built.map)?)?, remarks, registered))
     })?;
-    let (map, remarks) = made.map_err(error)?;
-    for remark in remarks {
-        let text = CString::new(remark.replace('\0', " ")).unwrap_or_default();
-        PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, 1)?;
-    }
-    Ok(map)
+    let (map, remarks, registered) = made.map_err(error)?;
+    let lost = registered.remarks();
+    let doubts = remarks.iter().filter(|remark| remark.is_doubt()).map(ToString::to_string);
+    doubts.chain(lost.iter().cloned()).try_for_each(|doubt| warn(py, &doubt))?;
+    let placed = registered.patches.iter().map(ToString::to_string);
+    let said = said.into_iter().chain(remarks.iter().map(ToString::to_string)).chain(lost).chain(placed);
+    Ok(map.with_remarks(said.collect()))
 }
 
 /// A skin with other acuities.
@@ -268,28 +277,30 @@ impl OnAtlas {
     /// What is the same on the atlas and on a skin with these patches.
     fn landmarks<'a>(
         &self,
-        own: impl IntoIterator<Item = &'a Taxels>,
+        own: impl IntoIterator<Item = (&'a str, &'a Taxels)>,
     ) -> Result<Landmarks, dermatome::Error> {
         Ok(match &self.landmarks {
             LandmarksArg::Regions => Landmarks::Regions,
             LandmarksArg::File(path) => Landmarks::Taxels(read_landmarks(path, own, &self.atlas)?.rows),
-            LandmarksArg::Ids(pairs) => Landmarks::of_ids(own, &self.atlas, pairs)?,
+            LandmarksArg::Ids(pairs) => {
+                Landmarks::of_ids(own.into_iter().map(|(_, taxels)| taxels), &self.atlas, pairs)?
+            }
         })
     }
 
-    /// Draws a map that was built on the atlas; returns what was left out.
+    /// Draws a map that was built on the atlas.
     fn register(
         &self,
         built: &mut Built,
         skin: &Skin,
         options: &BuildOptions,
-    ) -> Result<Vec<String>, dermatome::Error> {
+    ) -> Result<Registered, dermatome::Error> {
         let atlas = &*self.atlas;
         let map = Arc::clone(&built.map);
-        let landmarks = self.landmarks(map.patches.iter().map(|patch| &patch.taxels))?;
+        let landmarks = self.landmarks(map.patches.iter().map(|patch| (&*patch.name, &patch.taxels)))?;
         let name = atlas.patches.iter().next().map_or("", |patch| &patch.name);
         let (hash, is_mirrored) = (map_hash(atlas)?, self.is_mirrored);
         let onto = Onto { atlas, name, hash, landmarks: &landmarks, is_mirrored };
-        Ok(built.register(skin, options, &onto)?.remarks())
+        built.register(skin, options, &onto)
     }
 }

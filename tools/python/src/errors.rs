@@ -1,6 +1,6 @@
 //! Errors of the library, and of arguments, as exceptions of `dermatome._errors`.
 
-use std::fmt::Display;
+use std::{ffi::CString, fmt::Display};
 
 use dermatome::{Error, io::IoError};
 use pyo3::{prelude::*, types::PyDict};
@@ -24,6 +24,13 @@ pub(crate) fn error(error: impl Into<Error>) -> PyErr {
 /// An argument that cannot be used.
 pub(crate) fn bad(argument: &str, found: impl Display, needed: impl Display) -> PyErr {
     exception("DataError", &format!("{argument}: found {found}; needed: {needed}"), "argument")
+}
+
+/// Says something that a program should hear, as a `DermatomeWarning`; an error if warnings are errors.
+pub(crate) fn warn(py: Python<'_>, text: &str) -> PyResult<()> {
+    let class = py.import(EXCEPTIONS)?.getattr("DermatomeWarning")?;
+    let text = CString::new(text.replace('\0', " ")).unwrap_or_default();
+    PyErr::warn(py, &class, &text, 1)
 }
 
 fn exception(class: &str, message: &str, kind: &str) -> PyErr {

@@ -16,7 +16,7 @@ use pyo3::{
 };
 
 use crate::{
-    arguments::arg,
+    arguments::{arg, object_or_none},
     arrays::{Reals, Reduced, bad_shape, floats, integers, one_number_each, reals, shaped, vector},
     errors::{bad, error},
 };
@@ -123,7 +123,7 @@ impl PyLayout {
         file: &Bound<'py, PyAny>,
         #[pyo3(from_py_with = arg)] cells: Option<Vec<usize>>,
         #[pyo3(from_py_with = arg)] stream: &str,
-        says: Option<&Bound<'_, PyDict>>,
+        #[pyo3(from_py_with = object_or_none)] says: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let Some(cells) = cells else {
             if file.hasattr("draft")? {
@@ -157,7 +157,7 @@ impl PyLayout {
     fn draft_columns(
         #[pyo3(from_py_with = arg)] file: PathBuf,
         #[pyo3(from_py_with = arg)] names: Vec<String>,
-        says: Option<&Bound<'_, PyDict>>,
+        #[pyo3(from_py_with = object_or_none)] says: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Option<String>> {
         let names: Vec<&str> = names.iter().map(String::as_str).collect();
         let said = facts(Vec::new(), "", says)?;
@@ -227,7 +227,7 @@ impl PyLayout {
         #[pyo3(from_py_with = arg)] file: PathBuf,
         #[pyo3(from_py_with = arg)] cells: Vec<usize>,
         #[pyo3(from_py_with = arg)] stream: &str,
-        says: Option<&Bound<'_, PyDict>>,
+        #[pyo3(from_py_with = object_or_none)] says: Option<&Bound<'_, PyDict>>,
         zero: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<PyDecoder> {
         let mut facts = facts(cells, stream, says)?;

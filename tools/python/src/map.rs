@@ -2,7 +2,6 @@
 
 use std::{
     collections::{HashMap, hash_map::DefaultHasher},
-    ffi::CString,
     fs,
     hash::{Hash, Hasher},
     io::Write,
@@ -27,7 +26,6 @@ use dermatome::{
 use glam::DVec3;
 use numpy::{PyArray1, PyArray2, PyArrayDyn};
 use pyo3::{
-    exceptions::PyUserWarning,
     prelude::*,
     types::{PyBytes, PyDict, PyMapping, PyTuple},
 };
@@ -35,7 +33,7 @@ use pyo3::{
 use crate::{
     arguments::{arg, found},
     arrays::{bad_shape, bytes_of, matrix, one_each, places, vector},
-    errors::{bad, error},
+    errors::{bad, error, warn},
     index::PyIndex,
     jobs::run,
     level::PyPatch,
@@ -65,18 +63,26 @@ pub(crate) struct PyMap {
     pub(crate) map: Arc<SkinMap>,
     /// The file that it was read from: what is written again has other last bits.
     file: Arc<[u8]>,
+    /// What `build` said of it.
+    remarks: Vec<String>,
     back: OnceLock<Arc<MapIndex>>,
     regions: OnceLock<FieldRegions>,
 }
 
 impl PyMap {
     fn new(map: SkinMap, file: Vec<u8>) -> Self {
-        Self { map: Arc::new(map), file: file.into(), back: OnceLock::new(), regions: OnceLock::new() }
+        let (map, file, remarks) = (Arc::new(map), file.into(), Vec::new());
+        Self { map, file, remarks, back: OnceLock::new(), regions: OnceLock::new() }
     }
 
     /// The map of a file.
     pub(crate) fn of_file(file: Vec<u8>) -> Result<Self, IoError> {
         Ok(Self::new(map_from_bytes(file.clone())?, file))
+    }
+
+    /// The same map, of which this was said when it was built.
+    pub(crate) fn with_remarks(self, remarks: Vec<String>) -> Self {
+        Self { remarks, ..self }
     }
 
     pub(crate) fn levels(&self) -> usize {
@@ -262,6 +268,13 @@ impl PyMap {
         format!("<dermatome.Map: {} taxels, {patches} patches, {levels} levels>", self.n_taxels())
     }
 
+    /// tuple of str: What `build` said of this map and its skin, as the notes of the command: what was changed, left out or cut,
+    /// and what is poor. Empty for a map that was read, unpickled or changed.
+    #[getter]
+    fn remarks<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        PyTuple::new(py, &self.remarks)
+    }
+
     /// dict of str to Patch: The patches by their names, in the order of the map.
     #[getter]
     fn patches<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyDict>> {
@@ -292,7 +305,7 @@ impl PyMap {
     }
 
     /// tuple of str: The names of the levels without a mesh: of the whole body, as "body.L0", and of modalities besides touch, as
-    /// "arm.thermal.L0".
+    /// "arm.thermal.L0" and "body.thermal.L0".
     #[getter]
     fn field_levels<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
         PyTuple::new(py, self.map.field_levels().map(|(_, name)| name).collect::<Vec<_>>())
@@ -467,7 +480,7 @@ impl PyMap {
 
     /// Make the matrix that carries readings to the taxels of another skin on the same atlas.
     ///
-    /// One map is drawn on the other, or both on a third. Taxels that lie off the other skin are said by a UserWarning, as
+    /// One map is drawn on the other, or both on a third. Taxels that lie off the other skin are said by a DermatomeWarning, as
     /// are taxels of the other skin where none of this one lies: their row is empty.
     ///
     /// Parameters
@@ -521,8 +534,7 @@ impl PyMap {
             (unreached, "taxels of the other skin have no reading: no taxel of this one lies there"),
         ] {
             if count > 0 {
-                let text = CString::new(format!("{count} {what}")).unwrap_or_default();
-                PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, 1)?;
+                warn(py, &format!("{count} {what}"))?;
             }
         }
         let mut rows = Rows::new();
@@ -840,6 +852,9 @@ impl PyMap {
         #[pyo3(from_py_with = arg)] extensive: bool,
         ax: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<PyPicture> {
+        if let Some(ax) = ax.filter(|ax| !ax.hasattr("imshow").unwrap_or(false)) {
+            return Err(bad("ax", found(ax), "axes of matplotlib"));
+        }
         let map = slf.get();
         let level = |&found: &i64| self::level("levels", found, map.levels());
         let levels = levels.unwrap_or_default().iter().map(level).collect::<PyResult<_>>()?;

@@ -117,7 +117,7 @@ impl PyObservations {
     fn read(
         py: Python<'_>,
         #[pyo3(from_py_with = arg)] path: PathBuf,
-        contacts: Option<Vec<PathBuf>>,
+        #[pyo3(from_py_with = arg)] contacts: Option<Vec<PathBuf>>,
         unit: Option<&Bound<'_, PyAny>>,
         #[pyo3(from_py_with = arg)] clip_information: bool,
     ) -> PyResult<Self> {

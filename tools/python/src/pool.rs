@@ -110,7 +110,7 @@ pub(crate) fn pool_groups<'py>(
 }
 
 /// The level of the whole body of this name.
-pub(crate) fn body_level(map: &SkinMap, name: &str) -> PyResult<LevelId> {
+fn body_level(map: &SkinMap, name: &str) -> PyResult<LevelId> {
     let count = map.body.levels.len();
     Body::number_of(name).filter(|level| level.index() < count).ok_or_else(|| {
         let needed = match count {

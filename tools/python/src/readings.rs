@@ -6,8 +6,8 @@ use dermatome::{
     io::{KnownRest, Readings, ReadingsLayout, ReadingsReader, SummaryCell, summary_rows},
     recording::{Fill, Recording, RecordingOptions, in_order},
     signal::{
-        Channel, ChannelKind, ConditionOptions, Quantity, Response, Summary, Touch, TouchOptions,
-        TouchSimulation, TrackerOptions, Zero,
+        Channel, ConditionOptions, Quantity, Response, Summary, Touch, TouchOptions, TouchSimulation,
+        TrackerOptions, Zero,
     },
     skin::{Presence, TaxelId},
 };
@@ -18,13 +18,13 @@ use pyo3::{
 };
 
 use crate::{
-    arguments::{arg, object},
+    arguments::{arg, object, object_or_none},
     arrays::{bad_shape, floats, matrix, one_each, one_number_each, shaped, vector},
     errors::{bad, error},
     jobs::{Stop, run, run_here},
     map::PyMap,
     options::{count, probe, word},
-    pool::body_level,
+    pool::field_level,
     response::PyResponse,
     skin::PySkin,
 };
@@ -123,7 +123,7 @@ pub(crate) fn condition_readings<'py>(
     #[pyo3(from_py_with = arg)] baseline: i64,
     #[pyo3(from_py_with = arg)] zero: Option<&str>,
     gains: Vec<(u32, f64)>,
-    response: Option<&Bound<'py, PyResponse>>,
+    #[pyo3(from_py_with = object_or_none)] response: Option<&Bound<'py, PyResponse>>,
     #[pyo3(from_py_with = arg)] clip: Option<[f64; 2]>,
     #[pyo3(from_py_with = arg)] split_hz: Option<f64>,
     #[pyo3(from_py_with = arg)] fill: &str,
@@ -218,7 +218,7 @@ pub(crate) fn summarise_readings<'py>(
     // Contacts need a threshold above 0.
     let threshold = threshold.map(|x| if x == 0.0 { f64::MIN_POSITIVE } else { x });
     let map = Arc::clone(&map.get().map);
-    let level = level.map(|name| body_level(&map, name)).transpose()?;
+    let level = level.map(|name| field_level(&map, name)).transpose()?;
     let made = run(py, 0, move |stop| -> Result<_, dermatome::Error> {
         let mut recording =
             Recording::open(&map, ReadingsReader::memory(readings)?, &RecordingOptions::default())?;
@@ -252,18 +252,15 @@ pub(crate) fn summarise_readings<'py>(
     Ok((list, threshold, gaps))
 }
 
-/// The number of the first channel that measures touches and is not tangential; 0 if none does.
+/// The number of the channel that is meant where none is named.
 #[pyfunction]
-pub(crate) fn touch_channel(
+pub(crate) fn main_channel(
     #[pyo3(from_py_with = arg)] channels: Vec<String>,
     #[pyo3(from_py_with = arg)] units: Vec<String>,
 ) -> PyResult<usize> {
-    for (k, (name, unit)) in channels.iter().zip(&units).enumerate() {
-        if Channel::new(name, unit).map_err(error)?.kind == ChannelKind::Touch {
-            return Ok(k);
-        }
-    }
-    Ok(0)
+    let kind = |(name, unit): (&String, &String)| Ok(Channel::new(name, unit).map_err(error)?.kind);
+    let kinds: Vec<_> = channels.iter().zip(&units).map(kind).collect::<PyResult<_>>()?;
+    Ok(dermatome::signal::main_channel(kinds.into_iter()))
 }
 
 /// Whether a channel of this name and unit is an amount, as a force, and not an average.
@@ -273,6 +270,15 @@ pub(crate) fn is_extensive(
     #[pyo3(from_py_with = arg)] unit: &str,
 ) -> PyResult<bool> {
     Ok(Channel::new(name, unit).map_err(error)?.quantity == Quantity::Extensive)
+}
+
+/// Whether a channel of this name and unit measures touches, so that zeros and gains concern it.
+#[pyfunction]
+pub(crate) fn is_of_touch(
+    #[pyo3(from_py_with = arg)] name: &str,
+    #[pyo3(from_py_with = arg)] unit: &str,
+) -> PyResult<bool> {
+    Ok(Channel::new(name, unit).map_err(error)?.kind.is_of_touch())
 }
 
 /// An argument as an array of real numbers, or an error that names it.

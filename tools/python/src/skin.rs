@@ -50,7 +50,7 @@ use crate::{
 #[derive(Debug)]
 pub(crate) struct PySkin {
     pub(crate) skin: Arc<Skin>,
-    remarks: Vec<String>,
+    pub(crate) remarks: Vec<String>,
 }
 
 /// How a draft becomes a skin, from arguments.

@@ -74,6 +74,7 @@ pub(crate) struct TouchesArgs<'py> {
     taxel_radius: f64,
     stiffness: Option<f64>,
     arm_noise: Option<f64>,
+    delay: Option<f64>,
     skip: Vec<u32>,
     threads: i64,
 }
@@ -193,7 +194,7 @@ pub(crate) fn contacts_of_log<'py>(
     let channel = channel.transpose()?;
     let mut remarks = Vec::new();
     let radius = arguments.radius.map(|radius| positive("radius", radius)).transpose()?;
-    let TouchesArgs { threshold, pose, joints, link, arm_noise, skip, threads, .. } = arguments;
+    let TouchesArgs { threshold, pose, joints, link, arm_noise, delay, skip, threads, .. } = arguments;
     let of_robot = pose.clone().filter(|path| is_robot(path));
     let robot = of_robot.map(|path| run(py, 0, move |_| read_robot(&path))?.map_err(error)).transpose()?;
     match (&robot, &joints) {
@@ -237,6 +238,7 @@ pub(crate) fn contacts_of_log<'py>(
             taxel_radius: Some(taxel),
             gain: stiffness.map(|stiffness| stiffness * std::f64::consts::PI * taxel * taxel),
             arm_noise,
+            delay,
             drawing: skin.as_deref().map(|skin| Drawing::of_link(skin, &link)).transpose()?,
             left_out: skip.into_iter().map(TaxelId).collect(),
         };
@@ -260,6 +262,7 @@ pub(crate) fn contacts_of_log<'py>(
         ("rows_of_other_links", made.others),
         ("rows_without_taxel", made.silent),
         ("touches", said.empty_touches),
+        ("frames", said.untimed),
         ("readings", said.lone),
     ] {
         left_out.set_item(name, number)?;
@@ -267,6 +270,10 @@ pub(crate) fn contacts_of_log<'py>(
     let spikes: Vec<_> = said.spikes.iter().map(|s| (s.row, s.taxel.0, s.reading)).collect();
     left_out.set_item("spikes", spikes)?;
     summary.set_item("left_out", left_out)?;
+    summary.set_item("delay", said.delay.map(|delay| delay.seconds))?;
+    summary.set_item("delay_sigma", said.delay.map(|delay| delay.sigma))?;
+    let removed = said.delay.map_or(delay.unwrap_or(0.0), |delay| delay.removed);
+    summary.set_item("delay_removed", removed)?;
     summary.set_item("arm_noise", said.arm_noise)?;
     summary.set_item("reading_noise", said.reading_noise)?;
     summary.set_item("spacing", said.spacing)?;

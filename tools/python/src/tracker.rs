@@ -38,6 +38,9 @@ use crate::{
 /// threshold : float, optional
 ///     A contact has a taxel above this, in the unit of the readings; by default estimated from the first frames,
 ///     in which nothing should touch the skin.
+/// tared : bool
+///     Whether readings are about 0 where nothing touches the skin, as those with `Readings.is_tared`; by default the mean of
+///     the frames from which the threshold is estimated is subtracted.
 /// low : float, optional
 ///     Its other taxels are above this share of the threshold; by default 0.5, of fingers 0.625.
 /// least : int
@@ -74,14 +77,15 @@ pub(crate) struct PyContactTracker {
 #[pymethods]
 impl PyContactTracker {
     #[new]
-    #[pyo3(signature = (map, *, unit="Pa", probe="any", threshold=None, low=None, least=2, prominence=0.4, part=4,
-        noise_frames=5, reach=0.01, lasting=1))]
+    #[pyo3(signature = (map, *, unit="Pa", probe="any", threshold=None, tared=false, low=None, least=2, prominence=0.4,
+        part=4, noise_frames=5, reach=0.01, lasting=1))]
     #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
     fn new(
         #[pyo3(from_py_with = object)] map: &Bound<'_, PyMap>,
         #[pyo3(from_py_with = arg)] unit: &str,
         #[pyo3(from_py_with = arg)] probe: &str,
         #[pyo3(from_py_with = arg)] threshold: Option<f64>,
+        #[pyo3(from_py_with = arg)] tared: bool,
         #[pyo3(from_py_with = arg)] low: Option<f64>,
         #[pyo3(from_py_with = arg)] least: i64,
         #[pyo3(from_py_with = arg)] prominence: f64,
@@ -103,7 +107,7 @@ impl PyContactTracker {
             noise_frames: count("noise_frames", noise_frames)?,
             reach,
             lasting: count("lasting", lasting)?,
-            rest: Rest::Learned,
+            rest: if tared { Rest::AtZero } else { Rest::Learned },
         };
         let channel = Channel::new("", unit).map_err(error)?;
         let tracker = ContactTracker::new(map, &channel, &options).map_err(error)?;
@@ -191,7 +195,7 @@ impl PyContactTracker {
             least,
             prominence,
             part,
-            rest: _,
+            rest,
             noise_frames,
             reach,
             lasting,
@@ -200,6 +204,7 @@ impl PyContactTracker {
         options.set_item("unit", &self.unit)?;
         options.set_item("probe", if probe == Probe::Foot { "foot" } else { "any" })?;
         options.set_item("threshold", threshold)?;
+        options.set_item("tared", rest == Rest::AtZero)?;
         options.set_item("low", low)?;
         options.set_item("least", least)?;
         options.set_item("prominence", prominence)?;

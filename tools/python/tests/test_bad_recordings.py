@@ -264,6 +264,38 @@ def test_hdf5_that_is_not_all_there(change, h5):
     refuse(h5("a", change), BROKEN[change], stream="data/demo_0/pressure")
 
 
+def test_rates_of_hdf5_stand_around_the_readings(tmp_path):
+    """The rate, and the unit, are those of the nearest group, and of all episodes."""
+    h5py = pytest.importorskip("h5py")
+
+    def stated(name, attributes, datasets=(), stream="runs/*/hand/tactile"):
+        with h5py.File(tmp_path / name, "w") as file:
+            for run in ("one", "two"):
+                file[f"runs/{run}/hand/tactile"] = ROWS
+            for path, key, value in attributes:
+                file[path].attrs[key] = value
+            for path, value in datasets:
+                file[path] = value
+        return Readings.open(tmp_path / name, stream=stream).says
+
+    for k, (path, key) in enumerate((("/", "rate"), ("runs", "FPS"), ("runs", "Sampling_Rate"), ("/", "Hz"))):
+        assert stated(f"{k}.h5", [(path, key, np.float32(25))]) == {"rate": 25.0}, (path, key)
+    both = [(f"runs/{run}/hand", "rate", 25) for run in ("one", "two")]
+    assert stated("near.h5", [("/", "fps", 30), ("runs", "unit", b"kPa"), *both]) == {"rate": 25.0, "unit": "kPa"}
+    assert stated("beside.h5", [("/", "rate", 30)], [(f"runs/{run}/rate", 25.0) for run in ("one", "two")]) == {"rate": 25.0}
+    assert stated("else.h5", [], [("meta/fps", 25)]) == {"rate": 25.0}
+    assert stated("two.h5", [], [("camera/fps", 30), ("hand/fps", 25)]) == {}
+    assert stated("mask.h5", [("/", "rate", True), ("runs", "hz", [1.0, 2.0])]) == {}
+    with pytest.raises(dermatome.DataError, match="found the rate 25.0 of runs/one/hand/tactile and 50.0 of runs/two"):
+        stated("other.h5", [("runs/one", "rate", 25), ("runs/two", "rate", 50)])
+    assert stated("one.h5", [("runs/one", "rate", 25), ("runs/two", "rate", 50)], stream="runs/two/hand/tactile") == {"rate": 50.0}
+    deep = "/".join("abcdefghijklmnopqrstuvwxyz")
+    with h5py.File(tmp_path / "deep.h5", "w") as file:
+        file[f"{deep}/tactile"], file.attrs["rate"] = ROWS, 25
+    assert Readings.open(tmp_path / "deep.h5", stream=f"{deep}/tactile").says == {}
+    refuse(tmp_path / "near.h5", "25", stream="runs/one/hand/tactile", layout={**LAYOUT, "time": {"rate": 50}, "channels": [{"name": "pressure", "unit": "kPa"}]})
+
+
 def test_hdf5_of_other_kinds(h5, tmp_path):
     assert np.array_equal(read(h5("good"))[0], ROWS)
     assert np.array_equal(read(h5("loop", loop), stream="data/demo_0/pressure")[0], ROWS)

@@ -209,6 +209,11 @@ def test_touches_are_those_of_the_command(arm):
     for name in ("frames", "touches", "taxels", "contacts", "fitted", "left_out", "reading_noise"):
         assert summary[name] == said[name], name
     assert (1e3 * summary["arm_noise"], 1e3 * summary["spacing"]) == pytest.approx((said["arm_noise_mm"], said["spacing_mm"]))
+    for name in ("delay", "delay_sigma", "delay_removed"):
+        assert 1e3 * summary[name] == pytest.approx(said[f"{name}_ms"]), name
+    assert dermatome.touches(at / "log.csv", delay=0.02)[1]["delay_removed"] == 0.02
+    with pytest.raises(dermatome.ArgumentError, match="delay: found 'late'"):
+        dermatome.touches(at / "log.csv", delay="late")
     assert contacts.n_contacts == said["contacts"] and any("touches of 60 taxels" in remark for remark in contacts.remarks)
     of_arrays, _ = dermatome.touches(columns)
     of_dicts, _ = dermatome.touches({**columns, "taxels": [{int(i): float(x) for i, x in (part.split(":") for part in text.split(";"))} for text in columns["taxels"]]})

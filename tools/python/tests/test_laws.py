@@ -1,7 +1,10 @@
 """What every adapter keeps, on one uneven skin: forces, places on maps, times, and who is touched."""
 
 import copy
+import csv
+import json
 import pickle
+import subprocess
 import sys
 import threading
 import time
@@ -9,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from conftest import lattice
 
 import dermatome
 
@@ -234,3 +238,166 @@ def test_gains_multiply_what_is_above_the_zero(zero, rough_map, tmp_path):
     with pytest.raises(dermatome.DataError, match="gain: found several for taxel"):
         rough_map_readings = dermatome.Readings.from_arrays(np.ones((3, 489)), timestamps=[0, 1, 2])
         rough_map_readings.condition(rough_map, gain=np.arange(489.0), zero="follow")
+
+
+# ---- Recordings: what must not matter, through every container
+
+STAMPS = {"even": np.arange(240) / 25, "paused": np.arange(240) / 25 + np.where(np.arange(240) < 130, 0, 4.0)}
+
+
+@pytest.fixture(scope="module")
+def pressed(tmp_path_factory):
+    """A map like the rough one, with ids that no two taxels share and that are not in order, and five presses on it with noise,
+    next to a temperature and a shear. All numbers are those of 32 bits."""
+    folder = tmp_path_factory.mktemp("pressed")
+    present = np.ones(369, dtype=bool)
+    present[50] = False
+    ids = np.random.default_rng(4).permutation(np.arange(1000, 1489))
+    arm = dermatome.Skin.from_arrays(*lattice(41, 9), patch="upper arm", link="left arm", present=present, ids=ids[:369])
+    tip = dermatome.Skin.from_arrays(*lattice(5, 24), patch="tip of it", link="left hand", ids=ids[369:])
+    pose = np.eye(4)
+    pose[:3, 3] = 0.0, 0.5, 0.1
+    made = dermatome.build(dermatome.Skin.join([arm, tip], poses={"left hand": pose}))
+    for clock in STAMPS:
+        (folder / clock).mkdir()
+        made.write(folder / clock / "map.glb")
+    rng, places = np.random.default_rng(5), [patch.levels[0].positions for patch in made.patches.values()]
+    pressure = rng.normal(0, 0.05, (240, 489))
+    for first, frames, centre, peak in ((20, 30, 180, 20.0), (60, 5, 90, 12.0), (100, 25, 430, 25.0), (150, 20, 200, 15.0), (200, 25, 400, 18.0)):
+        patch = 0 if centre < 369 else 1
+        off = np.linalg.norm(places[patch] - places[patch][centre - 369 * patch], axis=1)
+        shape = np.sqrt(np.sin(np.pi * (np.arange(frames) + 0.5) / frames))
+        pressure[first : first + frames, 369 * patch : 369 * patch + len(off)] += peak * np.outer(shape, np.exp(-((off / 0.012) ** 2)))
+    heat, shear = 30 + 0.01 * np.arange(489) + 0.001 * np.arange(240)[:, None], 0.1 * pressure + 0.01
+    values = np.stack([pressure, heat, shear], axis=1).round(3).astype(np.float32)
+    return folder, made, values
+
+
+def in_containers(folder, on, values, times, kinds):
+    """The recording as a file of each kind, and the layout that it needs."""
+    (folder / "taxels.csv").write_text("taxel,taxel_id\n" + "".join(f"{k},{taxel}\n" for k, taxel in enumerate(on.ids)))
+    channels = [("pressure", "kPa", False), ("temperature", "degC", False), ("force.x", "N", True)]
+    named = [{"name": name, "unit": unit, "component": k, **({"signed": True} if signed else {})} for k, (name, unit, signed) in enumerate(channels)]
+    about = {"dermatome_layout": 1, "axes": ["frame", "component", "taxel"], "press": "raises", "zero": 0, "channels": named, "taxels": "taxels.csv"}
+
+    def laid(name, **more):
+        (folder / f"{name}.json").write_text(json.dumps({**about, **more}))
+        return ["--layout", f"{name}.json"]
+
+    stamped, made = {"time": {"stream": "timestamps", "unit": "s"}}, {}
+    whole = dermatome.Readings(values, on.ids, times, tuple(c[0] for c in channels), tuple(c[1] for c in channels))
+    whole.write(folder / "whole.npz")
+    made["npz"] = ["whole.npz"]
+    backwards = replace(whole, values=values[:, :, ::-1], ids=on.ids[::-1])
+    backwards.write(folder / "backwards.npz")
+    made["backwards"] = ["backwards.npz"]
+    head = ",".join(f"{taxel}.{name}[{unit}]" for taxel in on.ids for name, unit, _ in channels)
+    rows = (",".join(map(repr, [float(t), *map(float, row.T.ravel())])) for t, row in zip(times, values))
+    (folder / "whole.csv").write_text("\n".join([f"time,{head}", *rows]) + "\n")
+    made["csv"] = ["whole.csv"]
+    if "hdf5" in kinds:
+        h5py = pytest.importorskip("h5py")
+        with h5py.File(folder / "whole.h5", "w") as file:
+            group = file.create_group("data/demo_0")
+            group.create_dataset("tactile", data=values, chunks=(7, 3, 100))
+            group["timestamps"] = times
+        made["hdf5"] = ["whole.h5", *laid("hdf5", stream="data/demo_0/tactile", **stamped)]
+    if "zarr" in kinds:
+        files = {".zgroup": {"zarr_format": 2}, "data/.zgroup": {"zarr_format": 2}}
+        for name, array, step in (("tactile", values, 100), ("timestamps", times.astype("<f8"), 240)):
+            parts = np.concatenate([array, np.zeros((-len(array) % step, *array.shape[1:]), array.dtype)])
+            kept = {"zarr_format": 2, "compressor": None, "fill_value": 0, "order": "C", "filters": None, "dtype": array.dtype.str}
+            files[f"data/{name}/.zarray"] = {**kept, "shape": array.shape, "chunks": [step, *array.shape[1:]]}
+            for k in range(len(parts) // step):
+                files[f"data/{name}/{'.'.join([str(k), *['0'] * (array.ndim - 1)])}"] = parts[k * step : (k + 1) * step].tobytes()
+        for name, data in files.items():
+            (folder / "whole.zarr" / name).parent.mkdir(parents=True, exist_ok=True)
+            (folder / "whole.zarr" / name).write_bytes(data if isinstance(data, bytes) else json.dumps(data).encode())
+        made["zarr"] = ["whole.zarr", *laid("zarr", stream="data/tactile", **stamped)]
+    if "parquet" in kinds:
+        arrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+        root = folder / "whole.lerobot"
+        for part in ("data/chunk-000", "meta"):
+            (root / part).mkdir(parents=True, exist_ok=True)
+        count = len(values)
+        columns = {"observation.tactile": values.tolist(), "timestamp": times.astype(np.float32), "frame_index": np.arange(count)}
+        columns |= {"episode_index": np.zeros(count, np.int64), "index": np.arange(count), "task_index": np.zeros(count, np.int64)}
+        parquet.write_table(arrow.table(columns), root / "data/chunk-000/episode_000000.parquet")
+        info = {"codebase_version": "v2.1", "fps": 25, "total_frames": count, "total_episodes": 1}
+        info["features"] = {"observation.tactile": {"dtype": "float32", "shape": [3, 489]}}
+        (root / "meta/info.json").write_text(json.dumps(info))
+        (root / "meta/episodes.jsonl").write_text(json.dumps({"episode_index": 0, "tasks": [], "length": count}) + "\n")
+        made["parquet"] = ["whole.lerobot", *laid("parquet", stream="observation.tactile", time={"rate": 25})]
+    return made
+
+
+def run(folder, *words, stdin=None, codes=(0,)):
+    line = [sys.executable, "-m", "dermatome", *map(str, words)]
+    said = subprocess.run(line, capture_output=True, cwd=folder, input=stdin)
+    assert said.returncode in codes, said.stderr.decode()
+
+
+def outcomes(folder, given, stdin=None):
+    """What every command makes of a recording."""
+    given = [*given, "--zero", 0]
+    run(folder, "summary", "map.glb", *given, "-o", "s.csv", "--over-time", "t.csv", stdin=stdin)
+    run(folder, "render", "map.glb", *given, "-o", "v.npz", "--values-only", "--contacts", "c.csv", "--events", "e.jsonl", stdin=stdin)
+    made = {name: (folder / name).read_bytes() for name in ("s.csv", "t.csv", "c.csv", "e.jsonl")}
+    with np.load(folder / "v.npz") as arrays:
+        made |= {name: arrays[name] for name in arrays.files}
+    if stdin is None:
+        run(folder, "plot", "map.glb", "--readings", *given, "--frame", 35, "-o", "p.svg")
+        run(folder, "check", "map.glb", "--recording", *given, "-o", "h.csv", codes=(0, 1))
+        made |= {name: (folder / name).read_bytes() for name in ("p.svg", "h.csv")}
+    return made
+
+
+@pytest.mark.parametrize("clock", STAMPS)
+def test_every_command_gives_the_same_for_every_container(clock, pressed):
+    folder, on, values = pressed
+    kinds = ["hdf5", "zarr"] + (["parquet"] if clock == "even" else [])
+    containers = in_containers(folder / clock, on, values, STAMPS[clock], kinds)
+    base = outcomes(folder / clock, containers["npz"])
+    assert base["e.jsonl"].count(b"\n") > 9 and base["c.csv"].count(b"\n") > 50
+    for kind, given in containers.items():
+        found = outcomes(folder / clock, given)
+        assert found.keys() == base.keys()
+        for name, expected in base.items():
+            np.testing.assert_array_equal(found[name], expected, err_msg=f"{name} of {kind}")
+    streamed = outcomes(folder / clock, ["-"], stdin=(folder / clock / "whole.csv").read_bytes())
+    for name, found in streamed.items():
+        np.testing.assert_array_equal(found, base[name], err_msg=f"{name} of a stream")
+
+
+@pytest.mark.parametrize("clock", STAMPS)
+def test_python_says_what_the_command_says(clock, pressed):
+    """Sums and events of a recording in Python, whatever it is read from, are those of the command."""
+    folder, on, values = pressed
+    kinds = ["hdf5", "zarr"] + (["parquet"] if clock == "even" else [])
+    containers = in_containers(folder / clock, on, values, STAMPS[clock], kinds)
+    run(folder / clock, "summary", "map.glb", *containers["csv"], "--zero", 0, "-o", "s.csv")
+    run(folder / clock, "render", "map.glb", *containers["csv"], "--zero", 0, "--threshold", 1, "--events", "e.jsonl", "-o", "v.npz")
+    with open(folder / clock / "s.csv", newline="") as file:
+        sums = list(csv.DictReader(line for line in file if not line.startswith("#")))
+    said = [json.loads(line) for line in (folder / clock / "e.jsonl").read_text().splitlines()]
+    assert len(sums) > 6 and len(said) > 9
+    for kind, given in containers.items():
+        layout = folder / clock / given[2] if len(given) > 1 else None
+        with dermatome.Readings.open(folder / clock / given[0], layout=layout) as opened:
+            readings = opened.read(on)
+        if layout is None:
+            readings = readings.condition(on, zero=0)
+        rows = readings.summary(on)
+        assert len(rows) == len(sums), kind
+        for row, needed in zip(rows, sums):
+            for name, cell in needed.items():
+                found = "" if row[name] is None else row[name]
+                same = str(found) == cell or (cell and found != "" and float(found) == pytest.approx(float(cell), rel=1e-6, abs=1e-9))
+                assert same, f"{name} of {kind}: {found!r} for {cell!r}"
+        detector = dermatome.EventDetector(on, unit="kPa", threshold=1.0)
+        events = [event for time, frame in zip(readings.timestamps, readings.values[:, 0]) for event in detector.see(time, frame)]
+        events += detector.finish()
+        assert [(e["event"], e["phase"]) for e in events] == [(e["event"], e["phase"]) for e in said], kind
+        for event, needed in zip(events, said):
+            for name in {"time", "begin", "duration", "force_peak", "impulse"} & needed.keys():
+                assert event[name] == pytest.approx(needed[name], rel=1e-6, abs=1e-6), f"{name} of {kind}"

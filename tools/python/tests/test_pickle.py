@@ -92,7 +92,7 @@ def one_of_each(dome_map, tmp_path):
         observations, dermatome.calibrate(observations, robust="none", residual="log"), dermatome.Robot.read(tmp_path / "arm.urdf"), layout,
         layout.decoder("a.npy", (256,)), dermatome.RecordingFile(tmp_path / "a.npy"), dermatome.Readings.open(tmp_path / "a.npy", layout=layout),
         dermatome.Readings.from_arrays(values, units="N"), *(error("no", "argument") for error in (dermatome.Error, dermatome.DataError, dermatome.ArgumentError)),
-        dermatome.FileError("no", "io"), dermatome.MissingFileError("no", "read"), dermatome.Response.read(tmp_path / "response.csv"),
+        dermatome.DermatomeWarning("poor"), dermatome.FileError("no", "io"), dermatome.MissingFileError("no", "read"), dermatome.Response.read(tmp_path / "response.csv"),
         bodies, bodies.bodies[1], bodies.probe, bodies.held_back, bodies.held_back.levels[0], next(following), following,
     ]  # fmt: skip
     return {type(thing).__name__: thing for thing in things}

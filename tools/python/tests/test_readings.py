@@ -1,5 +1,6 @@
 """`Readings`: its objects, its files, what it says."""
 
+import os
 import subprocess
 import sys
 import zipfile
@@ -154,3 +155,66 @@ def test_readings_go_to_xarray(dome_map):
     assert array.dims == ("time", "channel", "taxel") and np.array_equal(array.values, readings.values)
     assert np.array_equal(array.sel(channel="t", taxel=dome_map.ids[9]), readings.values[:, 1, 9])
     assert array.sel(time=slice(0.1, 0.2)).shape[0] == 2 and array.coords["unit"].values.tolist() == ["Pa", "K"]
+
+
+def test_whole_numbers_may_be_those_of_numpy(dome_map, tmp_path):
+    layout = {"dermatome_layout": 1, "axes": ["episode", "frame", "taxel"], "time": {"rate": np.int32(10)}, "press": "raises", "zero": np.float64(0)}
+    layout |= {"channels": [{"name": "pressure", "unit": "Pa"}], "taxels": {"shape": np.array([256]), "first_id": np.uint8(1)}}
+    values = np.random.default_rng(1).random((2, 6, 256)).astype(np.float32)
+    np.save(tmp_path / "a.npy", values)
+    for number in (np.int64(1), np.uint8(1), np.arange(2)[1]):
+        opened = dermatome.Readings.open(tmp_path / "a.npy", layout=layout, episode=number)
+        parts = list(opened.chunks(frames=np.int16(4)))
+        assert [len(part) for part in parts] == [4, 2] and opened.episode == 1
+        assert np.array_equal(np.concatenate([part.values for part in parts])[:, 0], values[1])
+    for wrong in (True, np.True_, 1.0, np.float64(1), -1, np.int8(-1), "1"):
+        with pytest.raises(dermatome.DataError, match="episode: found"):
+            dermatome.Readings.open(tmp_path / "a.npy", layout=layout, episode=wrong)
+    for wrong in (True, 0, np.int64(0), 2.0):
+        with pytest.raises(dermatome.DataError, match="frames: found"):
+            opened.chunks(frames=wrong)
+    readings, truth = dermatome.touch(dome_map, presses=np.int64(1), seed=np.uint16(3), rate=np.float32(20))
+    same, _ = dermatome.touch(dome_map, presses=1, seed=3, rate=20.0)
+    assert np.array_equal(readings.values, same.values)
+    assert np.array_equal(readings.pooled(dome_map, np.int64(1)), readings.pooled(dome_map, 1))
+    assert dome_map.renderer(np.int32(1), channels=np.int64(2)).shape == dome_map.renderer(1, channels=2).shape
+    assert readings[np.int64(3)].timestamps == readings[3].timestamps
+
+
+def test_what_cannot_be_written_leaves_the_file_before(tmp_path, monkeypatch):
+    """A file is there as a whole: until it is, the one before stays, with its rights and behind its link."""
+    readings = dermatome.Readings.from_arrays(np.ones((3, 5)), timestamps=[0, 1, 2], units="N")
+    target, link = tmp_path / "real.npz", tmp_path / "link.npz"
+    readings.write(target)
+    target.chmod(0o640)
+    link.symlink_to(target)
+    before, savez = target.read_bytes(), np.savez
+
+    def fails(path, **arrays):
+        savez(path, **arrays)
+        assert target.read_bytes() == before and path.name == "real.npz"
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(np, "savez", fails)
+    with pytest.raises(dermatome.FileError, match="link.npz: cannot be written: .*No space left"):
+        readings.with_values(np.zeros((3, 1, 5))).write(link)
+    assert target.read_bytes() == before and sorted(p.name for p in tmp_path.iterdir()) == ["link.npz", "real.npz"]
+    monkeypatch.undo()
+
+    def stops(path, **arrays):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(np, "savez", stops)
+    with pytest.raises(KeyboardInterrupt):
+        readings.write(tmp_path / "new.npz")
+    assert not (tmp_path / "new.npz").exists() and len(list(tmp_path.iterdir())) == 2
+    monkeypatch.undo()
+    readings.with_values(np.zeros((3, 1, 5))).write(link)
+    assert link.is_symlink() and target.stat().st_mode & 0o777 == 0o640 and not np.load(target)["values"].any()
+    readings.write(tmp_path / "without")
+    assert (tmp_path / "without.npz").exists()
+    umask = os.umask(0o022)
+    os.umask(umask)
+    assert (tmp_path / "without.npz").stat().st_mode & 0o777 == 0o666 & ~umask
+    with pytest.raises(dermatome.FileError, match="cannot be written"):
+        readings.write(tmp_path / "none" / "a.npz")

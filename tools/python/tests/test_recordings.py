@@ -284,6 +284,20 @@ def test_readings_go_to_images_fields_and_areas(tmp_path):
 
 
 @samples
+@pytest.mark.parametrize("name, force, impulse", [("fscan_testL", 909.7, 442.2), ("footpress_left", 924.4, 2591.6)])
+def test_a_walk_has_the_force_of_its_cells(name, force, impulse):
+    """Without an option, also where a recording begins under load."""
+    path = DATA / f"vendor/{name}.asf"
+    mat = dermatome.build(dermatome.Skin.read(path))
+    for readings in (Readings.read(path, mat), opened(f"vendor/{name}.asf").read(mat)):
+        whole = readings.summary(mat)[0]
+        assert abs(whole["force_peak"] - force) < 0.05 and abs(whole["impulse"] - impulse) < 0.05
+        forces = np.nansum(readings.values[:, 0], axis=1) * 1e3 * 5.08e-3**2
+        assert whole["force_peak"] == pytest.approx(forces.max(), rel=1e-6)
+        assert whole["impulse"] == pytest.approx(((forces[1:] + forces[:-1]) / 2 * np.diff(readings.timestamps)).sum(), rel=1e-6)
+
+
+@samples
 def test_the_command_draws_a_container(tmp_path):
     positions = [[0.004 * c, 0.004 * r, 0.15 * p] for p in range(2) for r in range(12) for c in range(32)]
     pair = dermatome.build(dermatome.Skin.from_arrays(positions))

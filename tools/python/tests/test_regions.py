@@ -116,3 +116,26 @@ def test_modalities_have_levels_of_their_own(tmp_path):
     assert made.pool(values, level="skin.thermal.L0").shape == (9,)
     with pytest.raises(dermatome.DataError, match="field_levels"):
         made.pool(values, level="skin.thermal.L9")
+
+
+def test_modalities_have_levels_of_the_whole_body(tmp_path):
+    rows = [
+        f"{144 * right + 12 * y + x + 1},{0.065 * right + 0.005 * x},{0.005 * y},0,{'thermal' if x % 4 == y % 4 == 1 else ''},{name}"
+        for right, name in enumerate(["arm", "hand"])
+        for y in range(12)
+        for x in range(12)
+    ]
+    (tmp_path / "skin.csv").write_text("id,x,y,z,modality,patch\n" + "\n".join(rows))
+    made = dermatome.build(dermatome.Skin.read(tmp_path / "skin.csv"))
+    assert {"arm.thermal.L0", "hand.thermal.L0", "body.L0", "body.thermal.L0"} <= set(made.field_levels)
+    values = np.where(made.present == 2, 30.0, np.nan)
+    assert np.allclose(made.pool(values, level="body.thermal.L0"), 30)
+    heat = values + np.arange(12)[:, None, None]
+    readings = dermatome.Readings(heat, made.ids, np.arange(12) * 0.1, ("temperature",), ("degC",))
+    sums = readings.summary(made, level="body.thermal.L0")
+    fields = [row for row in sums if row["group"] == "field"]
+    assert len(fields) == made.pool(values, level="body.thermal.L0").shape[-1]
+    assert all(row["peak"] == sums[0]["peak"] for row in fields) and sums[0]["taxels"] == 18
+    with pytest.raises(dermatome.DataError, match="readings of thermal"):
+        pressures = dermatome.Readings(np.ones((5, 1, 288)), made.ids, np.arange(5) * 0.1, ("pressure",), ("Pa",))
+        pressures.summary(made, threshold=0.5, level="body.thermal.L0")

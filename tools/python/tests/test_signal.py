@@ -429,3 +429,32 @@ def test_findings_of_bad_arguments_name_them(dome_map):
         with pytest.raises(dermatome.DataError) as found:
             call()
         assert text in str(found.value)
+
+
+def test_tared_readings_may_begin_under_load(dome_map):
+    """A tracker that knows that readings are about 0 at rest subtracts nothing; so does a copy of it."""
+    noise = np.random.default_rng(3).normal(0, 0.1, (40, dome_map.n_taxels))
+    pressed = noise + np.where(np.isin(np.arange(dome_map.n_taxels), [100, 101, 116, 117]), 50.0, 0.0)
+    found = {}
+    for tared in (True, False):
+        tracker = dermatome.ContactTracker(dome_map, tared=tared)
+        for row in pressed[:10]:
+            tracker.track(row)
+        tracker = copy.deepcopy(tracker)
+        found[tared] = [len(tracker.track(row)) for row in pressed[10:]]
+    assert found == {True: [1] * 30, False: [0] * 30}
+
+
+def test_zeros_and_gains_concern_channels_of_touch(rough_map, rough_readings):
+    """As by the command: a temperature stays as it is, unless there is a number for each channel."""
+    first = rough_readings.select(["heat", "force", "pressure"])
+    plain = first.condition(rough_map).values
+    for options in ({"zero": 0.25}, {"baseline": np.full(489, 0.25)}, {"gain": np.full(489, 2.0)}, {"gain": dict.fromkeys(rough_map.ids.tolist(), 2.0)}):
+        made = first.condition(rough_map, **options)
+        assert np.allclose(made.values[:, 0], plain[:, 0], equal_nan=True), options
+        assert not np.allclose(made.values[:, 1], plain[:, 1], equal_nan=True), options
+    every = first.condition(rough_map, gain=np.full((3, 489), 2.0))
+    assert np.allclose(every.values, 2 * plain, equal_nan=True)
+    with pytest.raises(dermatome.DataError, match="gain: found the channels"):
+        first.select("heat").condition(rough_map, gain=np.full(489, 2.0))
+    assert first.summary(rough_map, threshold=0)[0]["force_peak"] == rough_readings.summary(rough_map, threshold=0)[0]["force_peak"]

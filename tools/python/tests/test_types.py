@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
+PROJECT = Path(__file__).parents[1] / "pyproject.toml"
 USE = """# pyright: strict
 import numpy as np
 import dermatome, dermatome.mujoco, dermatome.ray, dermatome.ros
@@ -87,8 +88,9 @@ def pyright(*files, cwd):
     return {each["range"]["start"]["line"] + 1 for each in found}, str(found)
 
 
-def test_the_package_is_typed(tmp_path):
-    lines, said = mypy("-p", "dermatome", cwd=tmp_path)
+@pytest.mark.parametrize("checker, arguments", [(mypy, ["-p", "dermatome"]), (pyright, ["--project", PROJECT])])
+def test_the_package_is_typed(checker, arguments, tmp_path):
+    lines, said = checker(*arguments, cwd=tmp_path)
     assert not lines, said
 
 

@@ -118,6 +118,25 @@ WRONG = [
     ("d.flatten(positions, faces, angle='1')", "angle"),
     ("d.coarsen(positions, faces, levels='all')", "levels"),
     ("d.Robot.read(3)", "path"),
+    ("d.calibrate(observed, robust=3)", "robust"),
+    ("d.calibrate(observed, iterations='many')", "iterations"),
+    ("d.calibrate(observed, covariances='no')", "covariances"),
+    ("d.calibrate(observed, cad=skin, modules={'a': 'm'})", "modules"),
+    ("d.follow(3)", "rows"),
+    ("d.follow([], every='often')", "every"),
+    ("d.touches('log.csv', radius='5mm')", "radius"),
+    ("d.touches('log.csv', link=3)", "link"),
+    ("d.touches('log.csv', pose=3)", "pose"),
+    ("d.touches('log.csv', skip=3)", "skip"),
+    ("d.touches('log.csv', skip=['a'])", "skip"),
+    ("d.examine(skin_map, readings, modules={'a': 'm'})", "modules"),
+    ("d.order(skin_map, readings, known={'a': 1})", "known"),
+    ("d.Layout.draft('a.npy', says='N')", "says"),
+    ("d.Observations.read('contacts.csv', contacts=3)", "contacts"),
+    ("d.Readings.from_pandas([[1]])", "table"),
+    ("readings.condition(skin_map, gain={'a': 2.0})", "gain"),
+    ("readings.condition(skin_map, response=2)", "response"),
+    ("skin_map.plot(ax=3)", "ax"),
 ]
 
 
@@ -130,7 +149,7 @@ def names(tmp_path_factory):
     skin_map, values = dermatome.build(skin), np.linspace(0, 1, 81)
     return {
         "d": dermatome, "np": np, "positions": positions, "faces": faces, "skin": skin, "mesh_file": mesh_file, "skin_map": skin_map,
-        "values": values, "points": positions[:1], "index": skin_map.index(fields=True), "draw": skin_map.renderer(size=(8, 8)),
+        "values": values, "points": positions[:1], "index": skin_map.index(fields=True), "observed": dermatome.Observations.from_columns({"i": [1], "x": [0.0], "y": [0.0], "z": [0.0], "sigma": [0.001]}), "draw": skin_map.renderer(size=(8, 8)),
         "readings": dermatome.Readings.from_arrays(np.stack([values] * 9), channels="force", units="N", timestamps=np.arange(9) / 10),
     }  # fmt: skip
 

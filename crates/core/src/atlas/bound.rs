@@ -12,6 +12,11 @@ const MAX_PIXELS: u64 = 1 << 26;
 /// The images of a map have at most this many pixels for each taxel, or [`FREE_PIXELS`].
 const PIXELS_PER_TAXEL: u64 = 256;
 
+/// Unless finer ones are asked for, of more pixels than this there are at most [`PIXELS_PER_TAXEL_BEYOND`] for each taxel: a
+/// pixel takes some 34 bytes of a file, and these, with their margin, 115 MB; 25,600 taxels at 256 pixels took 183 MB.
+const AMPLE_PIXELS: u64 = 4_000_000;
+const PIXELS_PER_TAXEL_BEYOND: u64 = 64;
+
 /// Pixels that the images of any map may have: a picture of a few triangles is still sharp.
 const FREE_PIXELS: u64 = 1 << 20;
 
@@ -48,13 +53,15 @@ pub(super) fn check_total<'a>(
 /// Fails if the images of a map have more pixels than its taxels need, with a pixel size that would fit; a
 /// pixel has `samples`, of 4 bytes each.
 pub(super) fn check_map(map: &SkinMap, samples: u64) -> Result<(), AtlasError> {
-    check(Sum::of(frames(map)), most_pixels(map), samples)
+    check(Sum::of(frames(map)), most_pixels(taxels_of(map)), samples)
 }
 
-/// The pixel size (mm) with which the images of a map keep to all limits; `None` if they do now.
+/// The pixel size (mm) with which the images of a map keep to all limits, and to those of images that nobody asked to be finer;
+/// `None` if they do now.
 #[doc(hidden)]
 pub fn fitting_pixel(map: &SkinMap) -> Option<f64> {
-    let (sum, most) = (Sum::of(frames(map)), most_pixels(map));
+    let (sum, taxels) = (Sum::of(frames(map)), taxels_of(map));
+    let most = most_by_default(most_pixels(taxels), taxels);
     let is_wide = frames(map).any(|frame| frame.size_px.iter().any(|&n| n > MAX_SIDE));
     if sum.pixels <= most && !is_wide {
         return None;
@@ -73,9 +80,17 @@ fn frames(map: &SkinMap) -> impl Iterator<Item = &ImageFrame> {
     map.patches.iter().flat_map(|patch| patch.levels.iter().map(|level| &level.frame))
 }
 
-fn most_pixels(map: &SkinMap) -> u64 {
-    let taxels: u64 = map.patches.iter().map(|patch| patch.taxels.ids.len() as u64).sum();
+fn taxels_of(map: &SkinMap) -> u64 {
+    map.patches.iter().map(|patch| patch.taxels.ids.len() as u64).sum()
+}
+
+fn most_pixels(taxels: u64) -> u64 {
     (PIXELS_PER_TAXEL * taxels).clamp(FREE_PIXELS, MAX_PIXELS)
+}
+
+/// The most pixels that are made without being asked for, of images that may have `most` for a number of taxels.
+fn most_by_default(most: u64, taxels: u64) -> u64 {
+    most.min(AMPLE_PIXELS.max(PIXELS_PER_TAXEL_BEYOND * taxels))
 }
 
 /// The total of some images.
@@ -120,4 +135,16 @@ fn two_digits_up(x: f64) -> f64 {
     let digits = (x / 10_f64.powf(exponent)).ceil();
     // Via text, to avoid 4.800000000000001.
     format!("{digits}e{exponent}").parse().unwrap_or(x)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn images_of_many_taxels_have_fewer_pixels_for_each() {
+        let most = |taxels: u64| most_by_default(most_pixels(taxels), taxels);
+        assert_eq!([100, 5000, 26_000].map(most), [1 << 20, 1_280_000, 4_000_000]);
+        assert_eq!([100_000, 10_000_000].map(most), [6_400_000, 1 << 26]);
+    }
 }

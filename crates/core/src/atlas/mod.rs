@@ -23,6 +23,7 @@ use glam::DVec2;
 
 use crate::atlas::bound::{check_size, check_total};
 use crate::atlas::layout::{ChartPosition, PartLayout, image_name, layout};
+use crate::body::FieldLevel;
 use crate::id::VertexId;
 use crate::map::{ImageFrame, PatchMap, SkinMap};
 use crate::pyramid::LevelId;
@@ -149,6 +150,33 @@ impl Atlas {
             let planes = |map: &SkinMap| map.patches.iter().map(|patch| patch.plane().to_owned()).collect();
             Err(AtlasError::OtherPlane { found: planes(map), needed: planes(canvas) })
         }
+    }
+
+    /// The images of level 0 for values of a level without a mesh, which are carried down to the taxels: those that show a
+    /// patch with fields of it, `arm/body.L1`, `arm/thermal.L0` or where charts are packed `body.L1`, `arm.thermal.L0`.
+    ///
+    /// # Panics
+    /// If the atlas was made of another map.
+    #[must_use]
+    pub fn of_fields(mut self, map: &SkinMap, at: FieldLevel) -> Self {
+        let rows = map.field_rows(at);
+        let modality = at.modality.and_then(|number| map.body.modalities.get(number));
+        let body = if modality.is_some_and(|of| of.patch.is_some()) { "" } else { "body." };
+        let level = match modality {
+            Some(of) => format!("{body}{}.L{}", of.name, at.level),
+            None => format!("{body}L{}", at.level),
+        };
+        let whole = map.field_levels().find_map(|(known, name)| (known == at).then_some(name));
+        self.parts.retain(|part| {
+            part.level == LevelId::default() && part.charts.iter().any(|chart| rows[chart.patch].is_some())
+        });
+        for part in &mut self.parts {
+            part.name = match part.name.rsplit_once('/') {
+                Some((patch, _)) => format!("{patch}/{level}"),
+                None => whole.clone().unwrap_or_else(|| level.clone()),
+            };
+        }
+        self
     }
 
     /// The images of one level, or of all.

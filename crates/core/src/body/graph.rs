@@ -70,6 +70,56 @@ impl Graph {
     }
 }
 
+/// The taxels of a patch, to find the one nearest to those of another.
+struct Sheet {
+    patch: PatchId,
+    /// The number of the first.
+    start: usize,
+    tree: BoxTree,
+    around: Aabb,
+    count: usize,
+}
+
+impl Sheet {
+    fn new(skin: &Skin, rest: &Rest, patch: PatchId) -> Self {
+        let (start, count) = (rest.start(patch), skin.patches[patch].mesh.positions.len());
+        let positions = rest.positions[start..][..count].iter();
+        let boxes: Vec<Aabb> = positions.clone().map(|&x| Aabb::around([x])).collect();
+        // Positions of a skin are finite.
+        let tree = BoxTree::new(&boxes).unwrap_or_default();
+        Self { patch, start, tree, around: Aabb::around(positions.copied()), count }
+    }
+
+    /// The distance of its box from that of another one, in m.
+    fn gap(&self, other: &Self) -> f64 {
+        let (a, b) = (&self.around, &other.around);
+        (a.lo - b.hi).max(b.lo - a.hi).max(glam::DVec3::ZERO).length()
+    }
+
+    /// The distance of the nearest pair of taxels, at most `most`, and the pair; of equally near ones the first.
+    fn nearest(&self, other: &Self, rest: &Rest, most: f64) -> Option<(f64, [BodyTaxel; 2])> {
+        let mut best = None;
+        let mut reach = most;
+        for k in self.start..self.start + self.count {
+            let at = rest.positions[k];
+            if other.around.least_distance(at) > reach {
+                continue;
+            }
+            other.tree.each_near(at, reach, |near| {
+                let near = other.start + near;
+                let (a, b) = (rest.taxels[k], rest.taxels[near]);
+                let pair = (at.distance(rest.positions[near]), [a.min(b), a.max(b)]);
+                if pair.0 <= most && best.is_none_or(|best| pair < best) {
+                    best = Some(pair);
+                    reach = reach.min(pair.0);
+                }
+                reach
+            });
+        }
+        best
+    }
+}
+
 /// Links between the nearest taxels of patches that are apart: first of patches that may be joined, then of any, until
 /// all are one.
 fn nearest_links(skin: &Skin, rest: &Rest, links: &[[BodyTaxel; 2]]) -> Vec<[BodyTaxel; 2]> {
@@ -78,9 +128,7 @@ fn nearest_links(skin: &Skin, rest: &Rest, links: &[[BodyTaxel; 2]]) -> Vec<[Bod
     links.iter().for_each(|[a, b]| {
         sets.join(a.patch, b.patch);
     });
-    let boxes: Vec<Aabb> = rest.positions.iter().map(|&x| Aabb::around([x])).collect();
-    // Positions of a skin are finite.
-    let Ok(tree) = BoxTree::new(&boxes) else { return Vec::new() };
+    let sheets: Vec<Sheet> = skin.patches.ids().map(|patch| Sheet::new(skin, rest, patch)).collect();
     let mut added = Vec::new();
     for is_strict in [true, false] {
         loop {
@@ -93,24 +141,22 @@ fn nearest_links(skin: &Skin, rest: &Rest, links: &[[BodyTaxel; 2]]) -> Vec<[Bod
             // Of each set its nearest pair.
             let mut best: Vec<(f64, [BodyTaxel; 2])> =
                 vec![(f64::INFINITY, [BodyTaxel::default(); 2]); labels.count];
-            for (id, patch) in skin.patches.enumerate() {
-                if !skin.patches.ids().any(|other| may_join(id, other)) {
-                    continue;
-                }
-                let best = &mut best[labels.of[id]];
-                for taxel in patch.mesh.positions.ids() {
-                    let own = BodyTaxel { patch: id, taxel };
-                    let at = rest.positions[rest.number(own)];
-                    tree.each_near(at, best.0, |k| {
-                        let other = rest.taxels[k];
-                        if may_join(id, other.patch) {
-                            let pair = (at.distance(rest.positions[k]), [own.min(other), own.max(other)]);
-                            if (pair.0, pair.1) < *best {
-                                *best = pair;
-                            }
+            for (a, own) in sheets.iter().enumerate() {
+                let others = sheets[a + 1..].iter().filter(|other| may_join(own.patch, other.patch));
+                let mut others: Vec<(f64, &Sheet)> = others.map(|other| (own.gap(other), other)).collect();
+                // Near ones first: they leave the others out.
+                others.sort_by(|a, b| a.0.total_cmp(&b.0));
+                for (gap, other) in others {
+                    let sets = [own, other].map(|sheet| labels.of[sheet.patch]);
+                    let most = best[sets[0]].0.max(best[sets[1]].0);
+                    let Some(pair) = (gap <= most).then(|| own.nearest(other, rest, most)).flatten() else {
+                        continue;
+                    };
+                    for set in sets {
+                        if pair < best[set] {
+                            best[set] = pair;
                         }
-                        best.0
-                    });
+                    }
                 }
             }
             let before = added.len();

@@ -56,8 +56,12 @@ pub fn body_levels(
     levels
 }
 
-/// The fields of each modality besides touch, of each patch: level 0 has one for each sensor, the last level has one.
-pub fn modalities(skin: &Skin) -> Vec<Modality> {
+/// The fields of each modality besides touch, of each patch: level 0 has one for each sensor, the last level has one. Where
+/// several patches have sensors of one, then those of the whole body. `links` are its [gap links](crate::body::gap_links).
+///
+/// # Panics
+/// If there is not one level for each patch, or one is not level 0 of this skin.
+pub fn modalities(skin: &Skin, links: &[[BodyTaxel; 2]], finest: &IdVec<PatchId, &Level>) -> Vec<Modality> {
     let mut all = Vec::new();
     for (id, patch) in skin.patches.enumerate() {
         let names = patch.taxels.other_modalities();
@@ -73,10 +77,41 @@ pub fn modalities(skin: &Skin) -> Vec<Modality> {
             let origins = sensors.iter().map(|&sensor| graph.origins[sensor]).collect();
             levels.push(BodyLevel { origins, rows: sensor_rows(&graph, &sensors, places) });
             coarsen(&graph, places, &priorities, sensors, &mut levels);
-            all.push(Modality { patch: id, name: name.to_owned(), levels });
+            all.push(Modality { patch: Some(id), name: name.to_owned(), levels });
         }
     }
+    let of_body = of_body(skin, links, finest, &all);
+    all.extend(of_body);
     all
+}
+
+/// The fields of the whole body of each modality that several patches have, above all sensors of it.
+fn of_body(
+    skin: &Skin,
+    links: &[[BodyTaxel; 2]],
+    finest: &IdVec<PatchId, &Level>,
+    of_patches: &[Modality],
+) -> Vec<Modality> {
+    // Each at its second patch.
+    let is_second = |(k, part): &(usize, &Modality)| {
+        of_patches[..*k].iter().filter(|other| other.name == part.name).count() == 1
+    };
+    let names: Vec<&String> =
+        of_patches.iter().enumerate().filter(is_second).map(|(_, part)| &part.name).collect();
+    if names.is_empty() {
+        return Vec::new();
+    }
+    let rest = Rest::new(skin);
+    let graph = Graph::new(skin, &rest, links, finest);
+    let priorities = priorities(skin, skin.patches.iter().map(|patch| &patch.mesh), &graph);
+    let of_name = |name: &String| {
+        let parts = of_patches.iter().filter(|part| part.name == *name);
+        let sensors = parts.flat_map(Modality::sensors).map(|at| rest.number(at)).collect();
+        let mut levels = IdVec::default();
+        coarsen(&graph, &rest.positions, &priorities, sensors, &mut levels);
+        Modality { patch: None, name: name.clone(), levels }
+    };
+    names.into_iter().map(of_name).collect()
 }
 
 /// Adds levels above these fields, by their numbers in the graph, to one field.

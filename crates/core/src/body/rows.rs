@@ -20,18 +20,9 @@ impl BodyRows {
         let mut rows: IdVec<PatchId, Prolongation> = coarsest.map(|level| {
             let first = start;
             start += level.origins.len();
-            let shifted = |field: VertexId| VertexId::new(first + field.index());
             match &level.to_finest {
-                Some(direct) => Prolongation {
-                    indices: direct.indices.map(|row| row.map(shifted)),
-                    weights: direct.weights.clone(),
-                    coarse_len: 0,
-                },
-                None => Prolongation {
-                    indices: level.origins.map(|&taxel| [shifted(taxel); 3]),
-                    weights: level.origins.map(|_| [1.0, 0.0, 0.0]),
-                    coarse_len: 0,
-                },
+                Some(direct) => shifted(direct, first),
+                None => shifted(&own_rows(level.origins.len()), first),
             }
         });
         let of_level = |level: &BodyLevel| {
@@ -53,6 +44,25 @@ pub fn field_areas<'a>(
         sums.iter_mut().zip(&rows.restrict(areas)).for_each(|(sum, area)| *sum += area);
     }
     sums
+}
+
+/// Fields in terms of themselves.
+pub(super) fn own_rows(count: usize) -> Prolongation {
+    Prolongation {
+        indices: (0..count).map(|field| [VertexId::new(field); 3]).collect(),
+        weights: IdVec::filled([1.0, 0.0, 0.0], count),
+        coarse_len: count,
+    }
+}
+
+/// Rows whose fields are numbered from `first` on among others.
+pub(super) fn shifted(rows: &Prolongation, first: usize) -> Prolongation {
+    let number = |field: VertexId| VertexId::new(first + field.index());
+    Prolongation {
+        indices: rows.indices.map(|row| row.map(number)),
+        weights: rows.weights.clone(),
+        coarse_len: first + rows.coarse_len,
+    }
 }
 
 /// The rows of `fine` through those of `coarse`.

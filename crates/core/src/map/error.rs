@@ -88,12 +88,13 @@ pub enum MapError {
     )]
     BodyLevel { level: LevelId, before: usize },
     #[error(
-        "level {level} of the modality {name:?} of patch {}, counted from 0: patches ascend and have each modality but touch \
-         once; level 0 has sensors of the patch, ascending, and a row for each of its taxels, others have fewer fields than \
-         the level before, taxels of the patch as centres, and a row for each of its fields; weights of a row sum to 1",
-        patch.raw()
+        "level {level} of the modality {name:?} of {}, counted from 0: patches ascend and have each modality but touch \
+         once, and after them the body those of several patches; level 0 of a patch has its sensors, ascending, and a row for \
+         each of its taxels, others have fewer fields than the level before, of the body than all sensors, taxels as centres, \
+         and a row for each field of the level before; weights of a row sum to 1",
+        patch.map_or("the body".into(), |patch| format!("patch {}", patch.raw()))
     )]
-    Modality { patch: PatchId, name: String, level: LevelId },
+    Modality { patch: Option<PatchId>, name: String, level: LevelId },
     /// A level whose map loses a triangle when it is rounded to the `f32` of a file.
     #[error("a map file cannot represent it: found {found}; needed: {needed}")]
     Rounded { found: String, needed: String },

@@ -1,23 +1,53 @@
-//! Levels of fields without a mesh, by name: of the whole body, `body.L1`, and of modalities, `forearm.thermal.L1`.
+//! Levels of fields without a mesh, by name: of the whole body, `body.L1`, and of modalities, `forearm.thermal.L1` and
+//! `body.thermal.L1`.
 
-use crate::body::{BodyLevel, FieldLevel};
+use std::borrow::Cow;
+
+use crate::body::{BodyLevel, FieldLevel, Modality};
 use crate::id::{IdVec, VertexId};
 use crate::map::SkinMap;
 use crate::pyramid::{LevelId, Prolongation};
 use crate::skin::PatchId;
 
+/// The name of the whole body among those of levels.
+const BODY: &str = "body";
+
 impl SkinMap {
-    /// The levels without a mesh and their names.
+    /// The levels without a mesh and their names. In these a patch called `body` next to levels of the whole body is
+    /// `%62ody`, and one called `arm.thermal` next to a patch `arm` with that modality `arm%2ethermal`.
     pub fn field_levels(&self) -> impl Iterator<Item = (FieldLevel, String)> + '_ {
         let all = |name: String, modality: Option<usize>, levels: &IdVec<LevelId, BodyLevel>| {
             let named = |level| (FieldLevel { modality, level }, format!("{name}.L{level}"));
             levels.ids().map(named).collect::<Vec<_>>()
         };
         let modalities = self.body.modalities.iter().enumerate().flat_map(move |(number, modality)| {
-            let name = format!("{}.{}", self.patches[modality.patch].name, modality.name);
-            all(name, Some(number), &modality.levels)
+            let of = self.name_in_levels(self.name_of(modality));
+            let of = if modality.patch.is_some() { of } else { BODY.into() };
+            all(format!("{of}.{}", modality.name), Some(number), &modality.levels)
         });
-        all("body".into(), None, &self.body.levels).into_iter().chain(modalities)
+        all(BODY.into(), None, &self.body.levels).into_iter().chain(modalities)
+    }
+
+    /// The name of the patch of a modality, or of the body.
+    fn name_of(&self, modality: &Modality) -> &str {
+        modality.patch.map_or(BODY, |patch| &self.patches[patch].name)
+    }
+
+    /// The name of a patch in those of its levels.
+    #[doc(hidden)]
+    pub fn name_in_levels<'a>(&self, name: &'a str) -> Cow<'a, str> {
+        let has_body = || self.body.modalities.iter().any(|modality| modality.patch.is_none());
+        if name == BODY && (!self.body.levels.is_empty() || has_body()) {
+            return "%62ody".into();
+        }
+        let is_taken = |(of, modality): (&str, &str)| {
+            let mut all = self.body.modalities.iter();
+            all.any(|other| other.name == modality && self.name_of(other) == of)
+        };
+        match name.rsplit_once('.').filter(|of| is_taken(*of)) {
+            Some((of, modality)) => format!("{of}%2e{modality}").into(),
+            None => name.into(),
+        }
     }
 
     /// The fields of a level without a mesh; `None` if the map has no such level.
@@ -31,26 +61,29 @@ impl SkinMap {
     /// The taxels of each patch in terms of the fields of such a level; `None` for a patch without fields, and for all if
     /// the map has no such level.
     pub fn field_rows(&self, at: FieldLevel) -> IdVec<PatchId, Option<Prolongation>> {
-        let modality = at.modality.and_then(|number| self.body.modalities.get(number));
-        let mut rows = match (at.modality, modality) {
-            (None, _) => {
+        let mut rows = IdVec::filled(None, self.patches.len());
+        match at.modality {
+            None => {
                 let of_body = self.body_rows().0;
-                return self.patches.ids().map(|patch| Some(of_body.get(at.level)?[patch].clone())).collect();
+                let of_level =
+                    of_body.get(at.level).into_iter().flat_map(|of_patches| of_patches.enumerate());
+                of_level.for_each(|(patch, of_patch)| rows[patch] = Some(of_patch.clone()));
             }
-            (_, found) => found.map(|modality| (modality.patch, modality.taxel_rows())),
-        };
-        let of_patch = |id| {
-            let (_, levels) = rows.take_if(|(patch, _)| *patch == id)?;
-            levels.get(at.level).cloned()
-        };
-        self.patches.ids().map(of_patch).collect()
+            Some(number) => {
+                let modality = self.body.modalities.get(number);
+                for (patch, levels) in modality.into_iter().flat_map(|of| self.body.taxel_rows(of)) {
+                    rows[patch] = levels.get(at.level).cloned();
+                }
+            }
+        }
+        rows
     }
 
     /// The areas of the fields of such a level, in m^2; none if the map has no such level.
     pub fn field_areas(&self, at: FieldLevel) -> IdVec<VertexId, f64> {
         let Some(fields) = self.fields_of(at) else { return IdVec::default() };
         if let Some(modality) = at.modality.and_then(|number| self.body.modalities.get(number)) {
-            let mut areas = modality.field_areas(&self.patches[modality.patch].taxels.areas);
+            let mut areas = self.body.field_areas(modality, |patch| &self.patches[patch].taxels.areas);
             return std::mem::take(&mut areas[at.level]);
         }
         let mut sums = IdVec::filled(0.0, fields.origins.len());

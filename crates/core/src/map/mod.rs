@@ -7,6 +7,7 @@ mod carried_places;
 mod error;
 mod fields;
 mod frame;
+mod on_atlas;
 mod regions;
 
 use std::borrow::Cow;
@@ -31,6 +32,7 @@ pub(crate) use carried_places::{CarriedRow, carried_rows};
 pub use error::MapError;
 pub use frame::ImageFrame;
 pub(crate) use frame::PixelGrid;
+pub use on_atlas::{OnAtlas, OnPatch};
 pub use regions::{FieldRegions, RegionId, Regions};
 
 /// One level of a patch with its map.
@@ -178,8 +180,8 @@ pub struct PatchMap {
     pub taxels: Taxels,
     /// The levels, finest first; at least one.
     pub levels: IdVec<LevelId, MapLevel>,
-    /// The patch of the [atlas](SkinMap::atlas) that it lies on, if there is one.
-    pub atlas: Option<String>,
+    /// Where it lies on the [atlas](SkinMap::atlas), if there is one.
+    pub atlas: Option<OnPatch>,
 }
 
 impl PatchMap {
@@ -206,7 +208,7 @@ impl PatchMap {
 
     /// Name of the patch on whose map it is drawn: of the [atlas](SkinMap::atlas), or its own.
     pub fn plane(&self) -> &str {
-        self.atlas.as_deref().unwrap_or(&self.name)
+        self.atlas.as_ref().map_or(&self.name, |on| &on.patch)
     }
 
     /// That level, or the coarsest one of this patch if there is no such level.
@@ -373,17 +375,6 @@ pub struct SkinMap {
     pub atlas: Option<OnAtlas>,
 }
 
-/// On which map of another skin a map is drawn: its positions are those of the other one.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct OnAtlas {
-    /// Name of the other map, for people.
-    pub name: String,
-    /// Hash (`io::map_hash`) of the other map.
-    pub hash: u64,
-    /// Whether it lies on the mirror image of the other map, `u` for `-u`: the skin is that of the other hand.
-    pub is_mirrored: bool,
-}
-
 impl SkinMap {
     /// The map of a mesh seen along z, from above, or from below where all of it faces down: one
     /// patch of one level, on one link at the origin. Images have `pixel` metres per pixel.
@@ -482,13 +473,25 @@ impl SkinMap {
             }
             before = level.origins.len();
         }
-        let key = |modality: &Modality| (modality.patch, modality.name.clone());
+        self.check_modalities(exists)
+    }
+
+    /// Checks the modalities: those of patches in their order, then those of the body, each once.
+    fn check_modalities(&self, exists: impl Fn(&BodyTaxel) -> bool) -> Result<(), MapError> {
+        let order = |modality: &Modality| (modality.patch.is_none(), modality.patch);
         for (k, modality) in self.body.modalities.iter().enumerate() {
             let earlier = &self.body.modalities[..k];
-            let patch = self.patches.get(modality.patch);
+            let key = |modality: &Modality| (modality.patch, modality.name.clone());
             let is_once = earlier.iter().all(|other| key(other) != key(modality))
-                && earlier.last().is_none_or(|last| last.patch <= modality.patch);
-            let wrong = patch.filter(|_| is_once).map(|patch| modality.wrong_level(patch.taxels.ids.len()));
+                && earlier.last().is_none_or(|last| order(last) <= order(modality));
+            let before = match modality.patch {
+                Some(patch) => self.patches.get(patch).map(|patch| patch.taxels.ids.len()),
+                None => {
+                    let parts = || self.body.parts(modality);
+                    (parts().count() > 1).then(|| parts().flat_map(|(_, part)| part.sensors()).count())
+                }
+            };
+            let wrong = before.filter(|_| is_once).map(|before| modality.wrong_level(before, &exists));
             if let Some(level) = wrong.unwrap_or(Some(LevelId::default())) {
                 let (patch, name) = (modality.patch, modality.name.clone());
                 return Err(MapError::Modality { patch, name, level });
@@ -508,7 +511,8 @@ impl SkinMap {
         let skin = self.skin();
         let links = gap_links(&skin, across);
         let levels = body_levels(&skin, &links, &self.coarsest());
-        let modalities = modalities(&skin);
+        let finest = self.patches.iter().filter_map(|patch| patch.levels.iter().next());
+        let modalities = modalities(&skin, &links, &finest.map(|map| &map.level).collect());
         self.body = Body { links, levels, modalities };
     }
 

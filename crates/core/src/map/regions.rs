@@ -58,16 +58,6 @@ impl Regions {
         let count = rows.iter().flatten().next().map_or(0, |rows| rows.coarse_len);
         largest(self.of_taxels.iter().zip(rows).filter_map(|(of, rows)| Some((of, rows.as_ref()?))), count)
     }
-
-    /// The region of each field of a level of the whole body, as of [those of a patch](Self::of_level); `rows` are
-    /// [those of its taxels](crate::body::BodyRows).
-    ///
-    /// # Panics
-    /// If the rows are of another map.
-    pub fn of_body_level(&self, rows: &IdVec<PatchId, Prolongation>) -> IdVec<VertexId, Option<RegionId>> {
-        let count = rows.iter().next().map_or(0, |rows| rows.coarse_len);
-        largest(self.of_taxels.iter().zip(rows), count)
-    }
 }
 
 /// The region with the largest sum of weights in each of `count` fields, of taxels with these regions and rows.

@@ -10,7 +10,6 @@ use crate::map::{MapLevel, PatchMap, Regions, SkinMap, mirrored};
 use crate::mesh::TriMesh;
 use crate::pyramid::LevelId;
 use crate::registration::RegistrationError;
-use crate::registration::exchange::best_exchange;
 use crate::registration::place::{Placing, Similarity, breadth};
 use crate::skin::{PatchId, RegionName, TaxelId, Taxels};
 
@@ -23,14 +22,6 @@ const LINE: f64 = 0.02;
 /// The landmarks are those of the other hand where the mirror image misses by less than this share. The same hand
 /// misses by 1 to 18 mm, the other one by 51 to 97.
 const OTHER_HAND: f64 = 0.5;
-
-/// Two landmarks are exchanged where their exchange leaves less than this share of the energy of bending. Of 240 pairs
-/// of hands with 6 to 30 right landmarks the least share was 0.64; of as many with two exchanged, 19 in 20 had less
-/// than 0.5. Their distance from the fit of the others does not decide: right ones miss it by up to 20 standard deviations.
-const EXCHANGED: f64 = 0.5;
-
-/// With fewer landmarks another exchange may be as good by chance.
-const FEWEST_TO_EXCHANGE: usize = 6;
 
 /// A taxel of a skin and the taxel of the atlas at the same place.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -287,13 +278,6 @@ pub(super) fn placing(patch: &str, level: &MapLevel, marks: &[Mark]) -> Result<P
     if other_hand < OTHER_HAND * straight {
         let [straight_mm, mirrored_mm] = [straight, other_hand].map(|m| 1e3 * m);
         return Err(RegistrationError::OtherHand { patch: patch.to_owned(), straight_mm, mirrored_mm });
-    }
-    if marks.len() >= FEWEST_TO_EXCHANGE
-        && let Some(([a, b], share)) = best_exchange(&pairs)
-        && share < EXCHANGED
-    {
-        let [first, second] = [a, b].map(|k| marks[k].name.clone());
-        return Err(RegistrationError::Exchanged { patch: patch.to_owned(), first, second, share });
     }
     Ok(Placing::of(&pairs))
 }

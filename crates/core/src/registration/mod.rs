@@ -32,28 +32,32 @@
 //!
 //! # Files in reading order
 //!
-//! `landmarks` (what is the same), `place` (similarity), `exchange` (exchanged landmarks), `field`, `bend`;
-//! `seam`.
+//! `landmarks` (what is the same), `place` (similarity), `field`, `contradict` (landmarks that are exchanged or far off),
+//! `bend`; `seam`.
 
 mod bend;
+mod contradict;
 mod error;
-mod exchange;
 mod field;
 mod landmarks;
 mod place;
 mod seam;
 
+use std::fmt;
+
 use glam::DVec2;
 
 use crate::cut::PlaceId;
 use crate::id::{IdVec, VertexId};
-use crate::map::{MapLevel, OnAtlas, PatchMap, SkinMap};
+use crate::map::{MapLevel, OnAtlas, OnPatch, PatchMap, SkinMap};
 use crate::pyramid::LevelId;
+pub use contradict::Doubt;
 pub use error::RegistrationError;
 pub use landmarks::{Landmark, Landmarks};
 pub use seam::carried_seams;
 
 use bend::{Bent, bend, first_flip};
+use contradict::contradictions;
 use landmarks::{FEWEST, Mark, marks_of, placing};
 
 /// The map that another skin is drawn on.
@@ -99,6 +103,22 @@ pub struct RegisteredPatch {
     pub missed: f64,
     /// In how many steps the map was bent.
     pub steps: u32,
+    /// A landmark that may be wrong.
+    pub doubtful: Option<Doubt>,
+}
+
+impl fmt::Display for RegisteredPatch {
+    /// Where the patch lies, in a sentence.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { name, atlas, landmarks, scale, missed, steps, .. } = self;
+        let steps = if *steps == 1 { "one step".to_owned() } else { format!("{steps} steps") };
+        write!(
+            f,
+            "{name}: on the atlas patch {atlas} by {landmarks} landmarks, {scale:.3} times as large; they missed it by \
+             {:.1} mm before the map was bent, in {steps}",
+            1e3 * missed
+        )
+    }
 }
 
 impl Registered {
@@ -110,7 +130,7 @@ impl Registered {
             )
         });
         let of_patch = |patch: &RegisteredPatch| {
-            let RegisteredPatch { name, atlas, elsewhere, folding, .. } = patch;
+            let RegisteredPatch { name, atlas, elsewhere, folding, doubtful, .. } = patch;
             let most = |names: String| {
                 format!(
                     "{name}: left out {names}: most landmarks lie in patch {atlas} of the atlas, not these"
@@ -118,7 +138,15 @@ impl Registered {
             };
             let folds = |names: String| format!("{name}: left out {names}: with them the map would fold");
             let some = |names: &[String]| (!names.is_empty()).then(|| names.join(", "));
-            some(elsewhere).map(most).into_iter().chain(some(folding).map(folds)).collect::<Vec<_>>()
+            let doubt = |Doubt { landmark, miss, times }: &Doubt| {
+                format!(
+                    "{name}: {landmark} may be wrong: it is {:.0} mm from where the other landmarks put it, {times:.0} times as \
+                     unlikely as they are by each other",
+                    1e3 * miss
+                )
+            };
+            let remarks = [some(elsewhere).map(most), some(folding).map(folds), doubtful.as_ref().map(doubt)];
+            remarks.into_iter().flatten().collect::<Vec<_>>()
         };
         missing.chain(self.patches.iter().flat_map(of_patch)).collect()
     }
@@ -149,12 +177,17 @@ pub fn register(map: &mut SkinMap, onto: &Onto<'_>) -> Result<Registered, Regist
             patch.levels.iter().map(|level| level.uv.map(|&at| fit.apply(at))).collect();
         let squares = marks.marks.iter().map(|mark| placed[0][mark.place].distance_squared(mark.to));
         let missed = (squares.sum::<f64>() / found as f64).sqrt();
-        let BentPatch { uv, landmarks, folding, steps } =
+        let BentPatch { uv, landmarks, folding, steps, doubtful } =
             bend_patch(patch, finest, &placed[0], &marks.marks)?;
         let mut bent = patch.clone();
         bend_levels(&mut bent, placed, uv);
         let name = atlas.patches[marks.atlas].name.clone();
-        bent.atlas = Some(atlas.patches[marks.atlas].plane().to_owned());
+        bent.atlas = Some(OnPatch {
+            patch: atlas.patches[marks.atlas].plane().to_owned(),
+            landmarks,
+            left_out: marks.left_out.len() + folding.len(),
+            free_dirichlet: Some(finest.distortion.symmetric_dirichlet).filter(|energy| energy.is_finite()),
+        });
         registered.patches.push(RegisteredPatch {
             name: patch.name.clone(),
             atlas: name,
@@ -164,6 +197,7 @@ pub fn register(map: &mut SkinMap, onto: &Onto<'_>) -> Result<Registered, Regist
             scale: fit.scale(),
             missed,
             steps,
+            doubtful,
         });
         patches.push(bent);
     }
@@ -187,6 +221,7 @@ struct BentPatch {
     landmarks: usize,
     folding: Vec<String>,
     steps: u32,
+    doubtful: Option<Doubt>,
 }
 
 /// The finest map bent, with as many of the landmarks as keep it from folding.
@@ -202,6 +237,8 @@ fn bend_patch(
         let flips = crate::flatten::distortion(mesh, &placed).flips;
         return Err(RegistrationError::Flipped { patch: patch.name.clone(), flips });
     }
+    let free = finest.opened_uv();
+    let doubtful = contradictions(&patch.name, mesh, [&free, &placed], marks)?;
     let mut marks: Vec<&Mark> = marks.iter().collect();
     let mut folding = Vec::new();
     loop {
@@ -210,7 +247,7 @@ fn bend_patch(
         match bend(mesh, &placed, &held).map_err(system)? {
             Bent::Done(uv, steps) => {
                 let (uv, landmarks) = (uv.reindexed(), marks.len());
-                return Ok(BentPatch { uv, landmarks, folding, steps });
+                return Ok(BentPatch { uv, landmarks, folding, steps, doubtful });
             }
             Bent::Folds(at) => {
                 let far = |mark: &&Mark| mark.to.distance_squared(at);

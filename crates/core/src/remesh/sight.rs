@@ -66,7 +66,7 @@ impl Sight {
         let all = self.directions.iter().map(|d| u32::from(is_above(d))).sum::<u32>();
         let needed = MIN_FREE_SHARE * f64::from(all);
         let (mut free, mut tried) = (0_u32, 0_u32);
-        // Stops once enough directions are free, or too few can be.
+        // Stops once enough directions are free, or too few can be, or of the first half, which is spread evenly, none is.
         for (&direction, blocker) in self.directions.iter().zip(&mut blockers.0).filter(|(d, _)| is_above(d))
         {
             let corners = |face| of_triangle(face).map(|v| self.positions[v as usize]);
@@ -75,7 +75,8 @@ impl Sight {
             *blocker = met.or(*blocker);
             (free, tried) = (free + u32::from(met.is_none()), tried + 1);
             let most = f64::from(free + all - tried);
-            if f64::from(free) >= needed || most < needed {
+            let is_dark = free == 0 && 2 * tried >= all;
+            if f64::from(free) >= needed || most < needed || is_dark {
                 break;
             }
         }

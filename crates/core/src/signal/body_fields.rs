@@ -50,18 +50,16 @@ impl BodyFields {
     /// # Panics
     /// If the modality is not one of this map.
     pub fn of_modality(map: &SkinMap, modality: &Modality) -> Self {
-        let taxels = &map.patches[modality.patch].taxels.areas;
-        let mut areas = vec![0.0; taxels.len()];
-        let sensors: Vec<u32> = modality
-            .levels
-            .iter()
-            .take(1)
-            .flat_map(|finest| &finest.origins)
-            .map(|at| at.taxel.raw())
-            .collect();
-        if let Some(of_sensors) = modality.field_areas(taxels).iter().next() {
-            sensors.iter().zip(of_sensors).for_each(|(&sensor, &area)| areas[sensor as usize] = area);
+        let of_sensors = map.body.sensor_areas(modality, |patch| &map.patches[patch].taxels.areas);
+        let (mut starts, mut areas, mut sensors) = (Vec::new(), Vec::new(), Vec::new());
+        for (patch, part) in map.body.parts(modality) {
+            let start = areas.len();
+            starts.push((patch, start));
+            areas.resize(start + map.patches[patch].taxels.ids.len(), 0.0);
+            sensors.extend(part.sensors().map(|at| start + at.taxel.index()));
         }
+        sensors.iter().zip(&of_sensors).for_each(|(&sensor, &area)| areas[sensor] = area);
+        let sensors: Vec<u32> = sensors.into_iter().filter_map(|sensor| u32::try_from(sensor).ok()).collect();
         let members = |rows: &Prolongation| {
             let row = |(field, &sensor): (VertexId, &u32)| {
                 rows.row(field).map(move |(coarse, weight)| (coarse.index(), (sensor, weight)))
@@ -69,7 +67,7 @@ impl BodyFields {
             Csr::from_pairs(rows.coarse_len, rows.indices.ids().zip(&sensors).flat_map(row))
         };
         let levels = modality.sensor_rows().iter().map(members).collect();
-        Self::of(levels, vec![(modality.patch, 0)], areas)
+        Self::of(levels, starts, areas)
     }
 
     fn of(levels: IdVec<LevelId, Csr<(u32, f64)>>, starts: Vec<(PatchId, usize)>, areas: Vec<f64>) -> Self {

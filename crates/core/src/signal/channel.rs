@@ -1,9 +1,11 @@
 //! The meaning of one number per taxel.
 
+use crate::body::FieldLevel;
+use crate::id::{IdVec, VertexId};
 use crate::map::SkinMap;
 use crate::signal::SignalError;
 use crate::signal::unit::{ChannelKind, Quantity, Unit, nearest_unit, parse_unit};
-use crate::skin::THERMAL;
+use crate::skin::{PatchId, Presence, THERMAL};
 
 /// One number per taxel: its name, unit and kind.
 ///
@@ -90,6 +92,32 @@ impl Channel {
         known().find(|name| *name == first).or_else(|| known().find(|name| *name == quantity))
     }
 
+    /// Whether a level without a mesh has values of it: one of the whole body, or of its [modality](Self::modality).
+    pub fn has_fields(&self, map: &SkinMap, at: FieldLevel) -> bool {
+        let Some(number) = at.modality else { return true };
+        map.body.modalities.get(number).is_some_and(|of| self.modality(map) == Some(&*of.name))
+    }
+
+    /// Which taxels of a map its readings are of: on a patch with sensors of its [modality](Self::modality) these, else those
+    /// that read pressure.
+    pub fn taxels(&self, map: &SkinMap) -> IdVec<PatchId, IdVec<VertexId, bool>> {
+        let modality = self.modality(map);
+        let of_patch = |id: PatchId| {
+            let presence = &map.patches[id].taxels.presence;
+            let mut parts = map.body.modalities.iter();
+            match parts.find(|part| part.patch == Some(id) && Some(&*part.name) == modality) {
+                Some(part) => {
+                    let mut is_read = presence.map(|_| false);
+                    let sensors = part.sensors().filter(|at| presence[at.taxel] != Presence::Absent);
+                    sensors.for_each(|at| is_read[at.taxel] = true);
+                    is_read
+                }
+                None => presence.map(|presence| presence.reads_pressure()),
+            }
+        };
+        map.patches.ids().map(of_patch).collect()
+    }
+
     /// Newtons in one unit of an amount, or of a value times an area in m^2; `None` if its unit is neither
     /// one of force nor one of pressure.
     pub fn newtons(&self) -> Option<f64> {
@@ -110,7 +138,6 @@ impl Channel {
 
 /// The number of the channel that is meant where none is named: the first of touch, other than tangential, else the first
 /// of touch, else the first.
-#[doc(hidden)]
 pub fn main_channel(kinds: impl Iterator<Item = ChannelKind> + Clone) -> usize {
     let is_touch = |kind| kind == ChannelKind::Touch;
     kinds.clone().position(is_touch).or_else(|| kinds.clone().position(ChannelKind::is_of_touch)).unwrap_or(0)

@@ -1,6 +1,7 @@
 //! Why readings cannot be used with a map or be simulated.
 
 use crate::contact::ContactError;
+use crate::pyramid::LevelId;
 use crate::skin::{SkinError, TaxelId};
 
 /// Why readings cannot be used with a map or be simulated.
@@ -50,6 +51,14 @@ pub enum SignalError {
          of the same skin is needed"
     )]
     ForeignResponse { taxels: usize, first: TaxelId, known: TaxelId },
+    #[error(
+        "{level} has values of readings of {modality}, and channels {} are of something else; a channel whose name begins with \
+         {modality}, or of its quantity, is needed",
+        list(known)
+    )]
+    NotOfModality { level: String, modality: String, known: Vec<String> },
+    #[error("the map has no level {level} without a mesh; it has {}", list(known))]
+    NoFields { level: LevelId, known: Vec<String> },
     #[error("stored zeros need a response that has some")]
     NoStoredZeros,
     #[error("slow and fast components need times, and the readings have none")]

@@ -4,14 +4,14 @@
 //! weighted by one over the length of the edge: a discrete harmonic function, found by symmetric Gauss-Seidel sweeps
 //! from the mean of the readings around the gap. Every step is an average, so no filled value leaves the range of
 //! those readings, and none depends on an earlier frame. A gap without a reading around it stays missing, and so do slots
-//! without a working taxel, which are not crossed either.
+//! without a taxel that the channel is of, which are not crossed either.
 
 use crate::id::{IdVec, VertexId};
-use crate::map::SkinMap;
+use crate::map::{PatchMap, SkinMap};
 use crate::mesh::edges;
 use crate::numeric::Csr;
 use crate::pyramid::LevelId;
-use crate::signal::{Frame, Stage};
+use crate::signal::{Channel, Frame, Stage};
 use crate::skin::PatchId;
 
 /// Sweeps stop when no value moves by more than this share of the range of the readings around the gap.
@@ -23,10 +23,16 @@ const MAX_SWEEPS: usize = 500;
 /// Fills missing readings; owns its buffers, and allocates nothing in the steady state.
 ///
 /// ```
-/// use dermatome::{id::VertexId, map::SkinMap, mesh::shapes, signal::{Filler, Frame, Stage}, skin::PatchId};
+/// use dermatome::{
+///     id::VertexId,
+///     map::SkinMap,
+///     mesh::shapes,
+///     signal::{Channel, Filler, Frame, Stage},
+///     skin::PatchId,
+/// };
 ///
 /// let map = SkinMap::flat(shapes::lattice(3, 3, 0.004), 1e-3);
-/// let (mut filler, mut frame) = (Filler::new(&map, 1), Frame::new(&map, 1));
+/// let (mut filler, mut frame) = (Filler::new(&map, &[Channel::default()]), Frame::new(&map, 1));
 /// frame.values[PatchId::new(0)][0].iter_mut().for_each(|x| *x = 2.0);
 /// frame.values[PatchId::new(0)][0][VertexId::new(4)] = f64::NAN;
 /// let filled = filler.apply(&frame);
@@ -35,35 +41,57 @@ const MAX_SWEEPS: usize = 500;
 /// ```
 #[derive(Debug, Clone)]
 pub struct Filler {
-    /// Neighbours of each working taxel that are such taxels, and one over their distance in 1/m.
-    neighbours: IdVec<PatchId, Csr<(VertexId, f64)>>,
-    is_working: IdVec<PatchId, IdVec<VertexId, bool>>,
+    graphs: Vec<Graph>,
+    /// That of each channel.
+    of_channels: Vec<usize>,
     out: Frame,
     is_seen: Vec<bool>,
     gap: Vec<VertexId>,
 }
 
-impl Filler {
-    /// A filler for frames with this many channels.
-    pub fn new(map: &SkinMap, channels: usize) -> Self {
+/// The taxels that channels are of.
+#[derive(Debug, Clone)]
+struct Graph {
+    is_read: IdVec<PatchId, IdVec<VertexId, bool>>,
+    /// Neighbours of each of them that are such taxels, and one over their distance in 1/m.
+    neighbours: IdVec<PatchId, Csr<(VertexId, f64)>>,
+}
+
+impl Graph {
+    fn new(map: &SkinMap, is_read: IdVec<PatchId, IdVec<VertexId, bool>>) -> Self {
         /// Least distance of taxels for their weights, in m.
         const CLOSEST: f64 = 1e-9;
-        let neighbours = map.patches.map(|patch| {
+        let of_patch = |(id, patch): (PatchId, &PatchMap)| {
             let mesh = &patch.levels[LevelId::new(0)].level.mesh;
             let edges = edges(mesh);
-            let works = |taxel: VertexId| patch.taxels.presence[taxel].reads_pressure();
-            let pairs = edges.iter().filter(|ends| ends.iter().all(|&end| works(end))).flat_map(|&[a, b]| {
+            let are_read = |ends: &&[VertexId; 2]| ends.iter().all(|&end| is_read[id][end]);
+            let pairs = edges.iter().filter(are_read).flat_map(|&[a, b]| {
                 let weight = mesh.positions[a].distance(mesh.positions[b]).max(CLOSEST).recip();
                 [(a.index(), (b, weight)), (b.index(), (a, weight))]
             });
             Csr::from_pairs(mesh.positions.len(), pairs)
-        });
-        let most = neighbours.iter().map(Csr::len).max().unwrap_or(0);
-        let mut out = Frame::new(map, channels);
+        };
+        let neighbours = map.patches.enumerate().map(of_patch).collect();
+        Self { is_read, neighbours }
+    }
+}
+
+impl Filler {
+    /// A filler for frames with these channels, each of which is filled on the taxels that it [is of](Channel::taxels).
+    pub fn new(map: &SkinMap, channels: &[Channel]) -> Self {
+        let mut graphs: Vec<Graph> = Vec::new();
+        let mut of_channels = Vec::new();
+        for is_read in channels.iter().map(|channel| channel.taxels(map)) {
+            let known = graphs.iter().position(|graph| graph.is_read == is_read);
+            of_channels.push(known.unwrap_or(graphs.len()));
+            if known.is_none() {
+                graphs.push(Graph::new(map, is_read));
+            }
+        }
+        let most = map.patches.iter().map(|patch| patch.taxels.ids.len()).max().unwrap_or(0);
+        let mut out = Frame::new(map, channels.len());
         out.filled.iter_mut().flatten().for_each(|filled| filled.reserve(most));
-        let is_working =
-            map.patches.map(|patch| patch.taxels.presence.map(|presence| presence.reads_pressure()));
-        Self { neighbours, is_working, out, is_seen: vec![false; most], gap: Vec::with_capacity(most) }
+        Self { graphs, of_channels, out, is_seen: vec![false; most], gap: Vec::with_capacity(most) }
     }
 }
 
@@ -78,18 +106,20 @@ impl Filler {
 impl Stage for Filler {
     /// The frame with its gaps filled, and the list of filled taxels.
     fn apply<'f>(&'f mut self, frame: &'f Frame) -> &'f Frame {
-        assert_eq!(frame.values.len(), self.neighbours.len(), "one entry per patch");
-        let Self { neighbours, is_working, out, is_seen, gap } = self;
+        let Self { graphs, of_channels, out, is_seen, gap } = self;
+        assert_eq!(frame.values.len(), out.values.len(), "one entry per patch");
         out.time = frame.time;
-        for (patch, neighbours) in neighbours.enumerate() {
-            assert_eq!(frame.values[patch].len(), out.values[patch].len(), "one array per channel");
-            let of_channels = out.values[patch].iter_mut().zip(&mut out.filled[patch]);
-            for ((values, filled), read) in of_channels.zip(&frame.values[patch]) {
+        for (patch, read) in frame.values.enumerate() {
+            assert_eq!(read.len(), of_channels.len(), "one array per channel");
+            let out = out.values[patch].iter_mut().zip(&mut out.filled[patch]);
+            for (((values, filled), read), &graph) in out.zip(read).zip(&*of_channels) {
+                let Graph { is_read, neighbours } = &graphs[graph];
+                let neighbours = &neighbours[patch];
                 values.as_mut_slice().copy_from_slice(read.as_slice());
                 filled.clear();
                 is_seen.fill(false);
                 for seed in read.ids() {
-                    let needs_one = is_working[patch][seed] && !values[seed].is_finite();
+                    let needs_one = is_read[patch][seed] && !values[seed].is_finite();
                     if !needs_one || std::mem::replace(&mut is_seen[seed.index()], true) {
                         continue;
                     }
@@ -160,7 +190,7 @@ mod tests {
     fn gaps_are_filled_within_the_range_of_their_neighbours() {
         let map = SkinMap::flat(shapes::lattice(20, 16, 0.006), 1e-3);
         let patch = PatchId::new(0);
-        let mut filler = Filler::new(&map, 1);
+        let mut filler = Filler::new(&map, &[Channel::default()]);
         let frame = |kept: &dyn Fn(usize) -> bool| {
             let mut frame = Frame::new(&map, 1);
             for (v, x) in frame.values[patch][0].iter_mut().enumerate().filter(|(v, _)| kept(*v)) {

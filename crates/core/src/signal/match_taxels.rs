@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use crate::id::IdVec;
+use crate::id::{IdVec, VertexId};
 use crate::map::SkinMap;
 use crate::signal::{Channel, Frame, SignalError};
 use crate::skin::{PatchId, Presence, TaxelId};
@@ -136,22 +136,11 @@ impl Join {
     /// and on their patches no other taxel does; `channels` are those of the frames.
     pub fn follow(&mut self, map: &SkinMap, channels: &[Channel]) {
         let of_channel = |channel: &Channel| {
-            let modality = channel.modality(map)?;
-            let patches = map.patches.ids().zip(&self.sources).zip(&self.columns);
-            let of_patch = |((id, _), columns): ((PatchId, &Vec<_>), &Vec<Option<u32>>)| {
-                let mut all = map.body.modalities.iter();
-                let fields =
-                    all.find(|other| other.patch == id && other.name == modality)?.levels.iter().next()?;
-                let mut of_sensors = vec![None; columns.len()];
-                for at in &fields.origins {
-                    let is_there = map.patches[id].taxels.presence[at.taxel] != Presence::Absent;
-                    of_sensors[at.taxel.index()] = columns[at.taxel.index()].filter(|_| is_there);
-                }
-                Some(of_sensors)
+            channel.modality(map)?;
+            let of_patch = |(columns, is_read): (&Vec<Option<u32>>, &IdVec<VertexId, bool>)| {
+                columns.iter().zip(is_read).map(|(column, is_read)| column.filter(|_| *is_read)).collect()
             };
-            let or_touch =
-                |entry: ((PatchId, &Vec<_>), _)| of_patch(entry).unwrap_or_else(|| entry.0.1.clone());
-            Some(patches.map(or_touch).collect())
+            Some(self.columns.iter().zip(&channel.taxels(map)).map(of_patch).collect())
         };
         self.others = channels.iter().map(of_channel).collect();
         let mut is_read: Vec<bool> = self.is_matched().collect();

@@ -6,6 +6,7 @@
 
 mod body_fields;
 mod carry;
+mod carry_down;
 mod channel;
 mod clock;
 mod condition;
@@ -30,6 +31,7 @@ mod zero;
 
 pub use body_fields::BodyFields;
 pub use carry::Carry;
+pub use carry_down::CarryDown;
 pub use channel::{Channel, main_channel};
 pub use clock::{Clock, Tick};
 pub use condition::{ConditionOptions, ConditionReport, Conditioner, Zero};

@@ -2,7 +2,7 @@
 
 use crate::skin::TaxelId;
 
-/// The taxels of a skin, as a file of them ([`crate::io::read_response`]) holds them.
+/// The taxels of a skin, as a file of them (`io::read_response`) holds them.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Response {
     /// Unit of the readings that it is of, as `count`; empty if unknown.

@@ -13,8 +13,10 @@ use crate::parallel::par_map;
 use crate::run::Run;
 use crate::sparse::{BlockFactor, BlockMatrix, BlockSlot, BlockSystem, Pattern, SparseError};
 use crate::touches::TouchesError;
+use crate::touches::delay::LogDelay;
 use crate::touches::fit::{Estimate, GainPrior, HUBER, Noise, Residual, Taxel};
 use crate::touches::gather::{Sample, Samples};
+use crate::touches::log::TouchFrame;
 
 /// The rms step of positions in m at which it ends.
 const SMALL_STEP: f64 = 1e-6;
@@ -30,7 +32,7 @@ const LARGEST_GAIN_STEP: f64 = 1.0;
 const LEAST_FACTOR: f64 = 0.3;
 
 /// Unknowns of a taxel.
-const SIZE: usize = 4;
+pub(super) const SIZE: usize = 4;
 
 /// A frame whose position is off by more standard deviations of the arm counts less: 99 % of three normal numbers.
 pub(super) const HUBER_OF_ARM: f64 = 3.4;
@@ -54,30 +56,34 @@ pub(super) struct Frame {
     pub(super) believed: DVec3,
     pub(super) centre: DVec3,
     pub(super) felt: Vec<(VertexId, Sample)>,
+    pub(super) touch: u64,
+    pub(super) time: Option<f64>,
 }
 
 /// What is left of a frame when its position is eliminated.
 pub(super) struct Reduced {
     pub(super) inverse: DMat3,
     pub(super) gradient: DVec3,
-    felt: Vec<Term>,
+    /// The weight of the position that the arm says.
+    pub(super) arm: f64,
+    pub(super) felt: Vec<Term>,
     /// Of the readings of the frame: what of their freedom its position does not take, and their sum of squares.
     freedom: f64,
     squares: f64,
 }
 
 /// One reading in the normal equations.
-struct Term {
-    taxel: VertexId,
-    weight: f64,
+pub(super) struct Term {
+    pub(super) taxel: VertexId,
+    pub(super) weight: f64,
     /// The derivative of its distance with respect to the position of the frame; that of the taxel's is the opposite.
-    outward: DVec3,
+    pub(super) outward: DVec3,
     by_gain: f64,
-    distance: f64,
+    pub(super) distance: f64,
 }
 
 impl Term {
-    fn row(&self) -> [f64; SIZE] {
+    pub(super) fn row(&self) -> [f64; SIZE] {
         [-self.outward.x, -self.outward.y, -self.outward.z, self.by_gain]
     }
 }
@@ -95,26 +101,29 @@ pub(super) struct Adjusted {
     pub(super) covariances: IdVec<VertexId, DMat3>,
     pub(super) places: Vec<Option<Place>>,
     pub(super) noise: Noise,
+    /// How late the readings are, if the touches tell.
+    pub(super) delay: Option<LogDelay>,
 }
 
 impl<'a> Bundle<'a> {
     pub(super) fn new(
         samples: &Samples,
-        (frames, places): (usize, &[Option<Place>]),
+        (frames, places): (&[TouchFrame], &[Option<Place>]),
         taxels: IdVec<VertexId, Option<Taxel<'a>>>,
         estimates: IdVec<VertexId, Option<Estimate>>,
         noise: Noise,
         gains: GainPrior,
         (guesses, guess_sigma): (IdVec<VertexId, DVec3>, f64),
     ) -> Self {
-        let mut felt: Vec<Vec<(VertexId, Sample)>> = vec![Vec::new(); frames];
+        let mut felt: Vec<Vec<(VertexId, Sample)>> = vec![Vec::new(); frames.len()];
         for (v, of) in samples.of.enumerate().filter(|(v, _)| estimates[*v].is_some()) {
             of.iter().filter(|s| s.radius > 0.0).for_each(|sample| felt[sample.frame].push((v, *sample)));
         }
         let frame = |(k, felt): (usize, Vec<(VertexId, Sample)>)| {
             let believed = felt.first().map_or(DVec3::ZERO, |(_, sample)| sample.centre);
             let centre = places.get(k).copied().flatten().map_or(believed, |place| place.centre);
-            Frame { believed, centre, felt }
+            let TouchFrame { touch, time, .. } = frames[k];
+            Frame { believed, centre, felt, touch, time }
         };
         let frames = felt.into_iter().enumerate().map(frame).collect();
         Self { taxels, estimates, noise, gains, guesses, guess_sigma, frames }
@@ -137,7 +146,8 @@ impl<'a> Bundle<'a> {
             }
         }
         reduced = self.reduced();
-        let (factor, _) = self.factored(&system, &reduced)?;
+        let (factor, right) = self.factored(&system, &reduced)?;
+        let delay = self.delay(&reduced, &right, |column| factor.solve(column, 1))?;
         let inverse = factor.selected_inverse();
         let block = |v: VertexId| {
             let rows = inverse.diagonal::<SIZE>(v.index());
@@ -149,7 +159,7 @@ impl<'a> Bundle<'a> {
             (!frame.felt.is_empty()).then_some(place)
         });
         let (estimates, noise) = (self.estimates.clone(), self.noise);
-        Ok(Adjusted { places: places.collect(), estimates, covariances, noise })
+        Ok(Adjusted { places: places.collect(), estimates, covariances, noise, delay })
     }
 
     /// Taxels that feel a frame together are joined.
@@ -197,7 +207,7 @@ impl<'a> Bundle<'a> {
         // The trace of the share of the readings in what is known about the position.
         let taken = 3.0 - arm * (inverse.x_axis.x + inverse.y_axis.y + inverse.z_axis.z);
         let freedom = felt.len() as f64 - taken;
-        Reduced { inverse, gradient, felt, freedom, squares }
+        Reduced { inverse, gradient, arm, felt, freedom, squares }
     }
 
     /// The system of the taxels, factored, and its right side. Where few readings determine a taxel, the system is positive

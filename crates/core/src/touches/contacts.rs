@@ -10,6 +10,7 @@ use crate::calib::{
 use crate::id::VertexId;
 use crate::numeric::symmetric_eigen;
 use crate::skin::TaxelId;
+use crate::touches::delay::LogDelay;
 use crate::touches::estimate::{Estimates, LEAST_SAMPLES};
 use crate::touches::fit::{Estimate, Noise, Residual};
 use crate::touches::gather::{Sample, Samples};
@@ -101,6 +102,10 @@ pub struct TouchesSummary {
     pub lone: usize,
     /// Readings that were left out since their taxel does not give them, by row and taxel.
     pub spikes: Vec<LeftOutReading>,
+    /// Frames that were left out since the log has no pose at their time: the readings are late by more.
+    pub untimed: usize,
+    /// How late the readings are; `None` if the touches do not tell.
+    pub delay: Option<LogDelay>,
     /// Standard deviation of the position of the arm, per axis, in m, as estimated or given.
     pub arm_noise: f64,
     /// Standard deviation of readings, in their unit, if they were fitted.
@@ -216,6 +221,8 @@ impl Rows<'_> {
             fitted,
             lone: estimates.lone,
             spikes: estimates.spikes.clone(),
+            untimed: 0,
+            delay: estimates.delay,
             arm_noise: self.arm_noise(),
             reading_noise: (fitted > 0).then_some(estimates.noise.reading),
             spacing: estimates.spacing,

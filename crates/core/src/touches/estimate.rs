@@ -8,9 +8,10 @@ use crate::parallel::par_ids;
 use crate::run::Run;
 use crate::touches::TouchesError;
 use crate::touches::bundle::{Bundle, Place};
+use crate::touches::delay::LogDelay;
 use crate::touches::fit::{Estimate, GainPrior, Guess, Noise, Taxel};
 use crate::touches::gather::{Sample, Samples};
-use crate::touches::log::TouchLog;
+use crate::touches::log::{TouchFrame, TouchLog};
 use crate::touches::profile::Profile;
 use crate::touches::sides;
 use crate::touches::spikes::{LeftOutReading, drop_gross, drop_unfit, usual_largest};
@@ -90,6 +91,8 @@ pub(super) struct Estimates {
     pub(super) lone: usize,
     /// Readings that their taxel does not give.
     pub(super) spikes: Vec<LeftOutReading>,
+    /// How late the readings are, if the touches tell.
+    pub(super) delay: Option<LogDelay>,
 }
 
 /// Estimates everything; drops samples that are not of their taxel.
@@ -102,9 +105,10 @@ pub(super) fn estimate(
     let (has_readings, frames) = (log.has_readings, log.frames.len());
     let spikes = if has_readings { drop_gross(samples, log) } else { Vec::new() };
     let mut centres = samples.of.map(|of| strong_centre(of.as_slice()));
-    let spacing_of = |centres: &IdVec<VertexId, DVec3>| known.spacing.or_else(|| surface::spacing(centres));
+    let spacing_of =
+        |centres: &IdVec<VertexId, DVec3>| known.spacing.or_else(|| surface::spacing_of_guesses(centres));
     let mut spacing = spacing_of(&centres);
-    let mut lone = 0;
+    let mut alone = samples.of.map(|_| Vec::new());
     if has_readings && samples.of.len() > 1 {
         let near;
         let neighbours = match (&known.neighbours, spacing) {
@@ -114,7 +118,7 @@ pub(super) fn estimate(
                 &near
             }
         };
-        lone = samples.drop_lone(neighbours);
+        alone = samples.take_lone(neighbours);
         centres = samples
             .of
             .enumerate()
@@ -128,12 +132,11 @@ pub(super) fn estimate(
     let (normals, has_outside) = normals_of(samples, &centres, spacing, (known, frames));
     let (depth, contact) = typical_contact(samples, &centres, &normals, known.taxel_radius);
     let reach = FARTHEST_REACHES * (contact + known.taxel_radius);
-    if !profiles.is_empty() {
-        for (taxel, of) in samples.of.iter_mut().enumerate() {
-            let centre = centres[VertexId::new(taxel)];
-            of.retain(|sample| sample.centre.distance(centre) <= reach.max(spacing.unwrap_or(0.0)));
-        }
-    }
+    let lone = if profiles.is_empty() {
+        alone.iter().map(Vec::len).sum()
+    } else {
+        samples.keep_near(&alone, &centres, reach.max(spacing.unwrap_or(0.0)))
+    };
     let mut all = Estimates {
         spacing,
         profiles,
@@ -153,6 +156,7 @@ pub(super) fn estimate(
         has_outside,
         lone,
         spikes,
+        delay: None,
     };
     if !has_readings || all.profiles.is_empty() {
         return Ok(all);
@@ -167,7 +171,7 @@ pub(super) fn estimate(
         if known.normals.is_none() {
             all.update_normals();
         }
-        let spikes = all.adjust(samples, frames, if round == 0 { FIRST_STEPS } else { STEPS }, run)?;
+        let spikes = all.adjust(samples, &log.frames, if round == 0 { FIRST_STEPS } else { STEPS }, run)?;
         if round + 1 < ROUNDS {
             all.spikes.extend(drop_unfit(samples, log, &spikes));
         }
@@ -236,7 +240,7 @@ impl Estimates {
     fn adjust(
         &mut self,
         samples: &Samples,
-        frames: usize,
+        frames: &[TouchFrame],
         steps: usize,
         run: Run<'_>,
     ) -> Result<Vec<Vec<VertexId>>, TouchesError> {
@@ -252,6 +256,7 @@ impl Estimates {
         self.covariances = adjusted.covariances;
         self.places = adjusted.places;
         self.noise = adjusted.noise;
+        self.delay = adjusted.delay;
         Ok(spikes)
     }
 

@@ -8,7 +8,7 @@ use crate::numeric::median;
 use crate::skin::TaxelId;
 use crate::skin::sentence::{count, first_few};
 use crate::touches::log::{TouchBody, TouchFrame, TouchLog};
-use crate::touches::{LeftOutReading, TouchesError, TouchesOptions, contacts_of_touches};
+use crate::touches::{LeftOutReading, LogDelay, TouchesError, TouchesOptions, contacts_of_touches};
 
 /// A body that stays within this of one place in the frame of the link touches one place, or its poses stand still, in m.
 const STILL: f64 = 2e-3;
@@ -39,7 +39,7 @@ pub enum LogFindingKind {
     Unit,
     /// It is not known on which side of the skin the sphere is.
     Side,
-    /// There are no times, or frames are missing.
+    /// There are no times, frames are missing, or the readings are late.
     Clock,
     /// There is no radius of the body.
     Radius,
@@ -119,6 +119,9 @@ pub fn examine_log(log: &TouchLog) -> Result<LogReport, TouchesError> {
             if !spikes.is_empty() {
                 let readings = count(spikes.len(), "reading is", "readings are");
                 say(LogFindingKind::Spikes, false, format!("{readings} not what the taxel gives there: {}", first_few(&spikes)));
+            }
+            if let Some(late) = found.summary.delay.filter(LogDelay::is_significant).and_then(|d| d.remark()) {
+                say(LogFindingKind::Clock, false, late);
             }
             if found.summary.lone > 0 {
                 let readings = count(found.summary.lone, "reading is", "readings are");

@@ -7,10 +7,10 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use glam::DVec3;
 
-use crate::calib::Pose;
 use crate::numeric::Random;
 use crate::skin::TaxelId;
 use crate::touches::TouchesError;
+use crate::touches::delay::at_other_times;
 use crate::touches::log::{TouchBody, TouchFrame, TouchLog};
 
 /// What is wrong with a log. The default is nothing.
@@ -152,38 +152,20 @@ fn move_places(log: &mut TouchLog, touches: &BTreeSet<u64>, random: &mut Random)
 
 /// The frames of a log whose readings are late: the readings of each frame next to the pose of the link that much later.
 fn late_frames(frames: &[TouchFrame], late: f64) -> Result<Vec<TouchFrame>, TouchesError> {
-    let (mut all, mut longest) = (Vec::new(), 0.0_f64);
-    for touch in frames.chunk_by(|a, b| a.touch == b.touch) {
-        let time = |frame: &TouchFrame| {
-            let (what, needed) = ("the time", "a time in each row, for a late clock");
-            frame.time.ok_or(TouchesError::InvalidFrame { row: frame.row, what, needed })
-        };
-        let times = touch.iter().map(time).collect::<Result<Vec<f64>, _>>()?;
-        longest = longest.max(times[times.len() - 1] - times[0]);
-        for (frame, time) in touch.iter().zip(&times) {
-            if let Some(link) = pose_at(touch, &times, time + late) {
-                all.push(TouchFrame { row: all.len(), time: Some(time + late), link, ..frame.clone() });
-            }
-        }
-    }
+    let mut all = at_other_times(frames, late)?;
     if all.is_empty() {
-        let option = "the delay of the readings in s";
+        let times = frames.chunk_by(|a, b| a.touch == b.touch).filter_map(|touch| {
+            let [first, last] = [touch.first()?, touch.last()?].map(|frame| frame.time);
+            Some(last? - first?)
+        });
+        let (option, longest) = ("the delay of the readings in s", times.fold(0.0, f64::max));
         return Err(TouchesError::BadOption { option, found: late, range: [-longest, longest] });
     }
-    Ok(all)
-}
-
-/// The pose of the link at a time, between two frames of a touch; `None` before the first and after the last.
-fn pose_at(touch: &[TouchFrame], times: &[f64], time: f64) -> Option<Pose> {
-    let next = times.partition_point(|other| *other < time);
-    let (after, until) = (touch.get(next)?.link, times[next]);
-    if until == time {
-        return Some(after);
+    for (row, frame) in all.iter_mut().enumerate() {
+        frame.row = row;
+        frame.time = frame.time.map(|time| time + late);
     }
-    let (before, since) = (touch.get(next.checked_sub(1)?)?.link, times[next - 1]);
-    let share = (time - since) / (until - since);
-    let rotation = before.rotation.slerp(after.rotation, share).normalize();
-    Some(Pose { position: before.position.lerp(after.position, share), rotation })
+    Ok(all)
 }
 
 #[cfg(test)]

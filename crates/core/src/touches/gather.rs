@@ -62,17 +62,41 @@ impl Samples {
         Self { ids: ids.into(), of: of.into(), touches }
     }
 
-    /// Leaves out the samples of taxels without an active neighbour in the same frame; returns how many.
-    pub(super) fn drop_lone(&mut self, neighbours: &IdVec<VertexId, Vec<VertexId>>) -> usize {
+    /// Takes out the samples of taxels without an active neighbour in the same frame.
+    pub(super) fn take_lone(
+        &mut self,
+        neighbours: &IdVec<VertexId, Vec<VertexId>>,
+    ) -> IdVec<VertexId, Vec<Sample>> {
         let frames: IdVec<VertexId, Vec<usize>> =
             self.of.map(|samples| samples.iter().map(|sample| sample.frame).collect());
-        let mut dropped = 0;
-        for (taxel, samples) in self.of.iter_mut().enumerate() {
-            let around = &neighbours[VertexId::new(taxel)];
-            let before = samples.len();
-            samples.retain(|sample| around.iter().any(|&v| frames[v].binary_search(&sample.frame).is_ok()));
-            dropped += before - samples.len();
+        let is_joined = |v: VertexId, sample: &Sample| {
+            neighbours[v].iter().any(|&u| frames[u].binary_search(&sample.frame).is_ok())
+        };
+        let mut lone = self.of.map(|_| Vec::new());
+        for v in lone.ids() {
+            let (joined, alone) = self.of[v].iter().partition(|sample: &&Sample| is_joined(v, sample));
+            (self.of[v], lone[v]) = (joined, alone);
         }
-        dropped
+        lone
+    }
+
+    /// Leaves out the samples that are farther than `reach` (m) from the centre of their taxel, and takes those of `more` that are
+    /// not; returns how many of `more` are left.
+    pub(super) fn keep_near(
+        &mut self,
+        more: &IdVec<VertexId, Vec<Sample>>,
+        centres: &IdVec<VertexId, DVec3>,
+        reach: f64,
+    ) -> usize {
+        let mut left = 0;
+        for (v, more) in more.enumerate() {
+            let is_near = |sample: &Sample| sample.centre.distance(centres[v]) <= reach;
+            let of = &mut self.of[v];
+            of.extend(more);
+            of.retain(is_near);
+            of.sort_by_key(|sample| sample.frame);
+            left += more.iter().filter(|sample| !is_near(sample)).count();
+        }
+        left
     }
 }

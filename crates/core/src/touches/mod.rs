@@ -22,7 +22,8 @@
 //!    the skin on its disc (`profile`). Orthogonal distance regression over all samples gives `x` and `g`, so
 //!    the depth need not be known; noise of arm and readings and the spread of gains follow from all taxels.
 //! 5. The bundle adjustment (`bundle`): the true position of each frame is unknown too, and follows from all its
-//!    readings. A reading far from the profile of its taxel is a spike (`spikes`): it is left out, and named.
+//!    readings. A reading far from the profile of its taxel is a spike (`spikes`): it is left out, and named. The delay of the
+//!    readings (`border`) is one unknown more; where there is one, all begins again with poses at their times.
 //! 6. Contacts (`contacts`): each touch gets its terms of the normal equations. Sums over the touches of a taxel give back
 //!    the estimate.
 //!
@@ -33,8 +34,10 @@
 //! line, errors that a frame has in common for several taxels.
 
 mod arm;
+mod border;
 mod bundle;
 mod contacts;
+mod delay;
 mod drawing;
 mod error;
 mod estimate;
@@ -53,6 +56,7 @@ mod surface;
 
 pub use arm::{ArmOptions, ArmSimulation, simulate_arm, simulate_arm_with};
 pub use contacts::{TouchContact, TouchContacts, TouchesSummary};
+pub use delay::LogDelay;
 pub use drawing::Drawing;
 pub use error::TouchesError;
 pub use examine::{LogFinding, LogFindingKind, LogReport, examine_log};
@@ -62,9 +66,12 @@ pub use options::TouchesOptions;
 pub use rows::{LogOfRows, PoseAt, RowSources, TouchReadings, TouchRow, log_of_rows, pose_in_motion};
 pub use spikes::LeftOutReading;
 
+use std::borrow::Cow;
+
 use crate::run::Run;
 use contacts::Rows;
-use estimate::estimate;
+use delay::{DELAY_ROUNDS, MOST_DELAY, without_delay};
+use estimate::{Estimates, estimate};
 use gather::Samples;
 
 /// What the touches of a log say about the positions of its taxels.
@@ -80,7 +87,7 @@ use gather::Samples;
 ///
 /// # Errors
 /// As [`TouchLog::validate`]; if an option is out of its range, the log names a taxel that the drawing does not have, no
-/// taxel is active, or it is not known on which side of the skin a sphere is.
+/// taxel is active, a delay is given and a frame has no time, or it is not known on which side of the skin a sphere is.
 pub fn contacts_of_touches(log: &TouchLog, options: &TouchesOptions) -> Result<TouchContacts, TouchesError> {
     contacts_of_touches_with(log, options, Run::default())
 }
@@ -97,17 +104,42 @@ pub fn contacts_of_touches_with(
     log.validate()?;
     options.validate(log)?;
     run.check()?;
-    let mut samples = Samples::new(log, |id| !options.left_out.contains(&id));
-    if samples.ids.is_empty() {
-        return Err(TouchesError::NothingFelt { frames: log.frames.len() });
+    let mut removed = options.delay.unwrap_or(0.0);
+    let mut fitted = fit(log, removed, options, run)?;
+    if options.delay.is_none() {
+        for _ in 0..DELAY_ROUNDS {
+            let Some(left) = fitted.2.delay.filter(|left| left.is_worth_removing(removed)) else { break };
+            removed = (removed + left.seconds).clamp(-MOST_DELAY, MOST_DELAY);
+            fitted = fit(log, removed, options, run)?;
+        }
     }
-    let known = options.known(&samples);
-    let estimates = estimate(&mut samples, &known, log, run)?;
+    let (used, samples, mut estimates) = fitted;
     run.check()?;
     if !estimates.has_outside && !estimates.profiles.is_empty() {
         let detail = "they are flat, and their link has its origin in their plane";
         return Err(TouchesError::NoOutside { detail });
     }
-    let rows = Rows { log, samples: &samples, estimates: &estimates, options };
-    Ok(rows.collect())
+    estimates.delay = estimates.delay.map(|left| left.after(removed));
+    let rows = Rows { log: &used, samples: &samples, estimates: &estimates, options };
+    let mut found = rows.collect();
+    found.summary.frames = log.frames.len();
+    found.summary.untimed = log.frames.len() - used.frames.len();
+    Ok(found)
+}
+
+/// Estimates everything from a log whose readings are late by `delay`, in s.
+fn fit<'l>(
+    log: &'l TouchLog,
+    delay: f64,
+    options: &TouchesOptions,
+    run: Run<'_>,
+) -> Result<(Cow<'l, TouchLog>, Samples, Estimates), TouchesError> {
+    let log = without_delay(log, delay)?;
+    let mut samples = Samples::new(&log, |id| !options.left_out.contains(&id));
+    if samples.ids.is_empty() {
+        return Err(TouchesError::NothingFelt { frames: log.frames.len() });
+    }
+    let known = options.known(&samples);
+    let estimates = estimate(&mut samples, &known, &log, run)?;
+    Ok((log, samples, estimates))
 }

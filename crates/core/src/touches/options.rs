@@ -7,6 +7,7 @@ use glam::DVec3;
 use crate::id::VertexId;
 use crate::skin::TaxelId;
 use crate::touches::TouchesError;
+use crate::touches::delay::MOST_DELAY;
 use crate::touches::drawing::Drawing;
 use crate::touches::estimate::Known;
 use crate::touches::gather::Samples;
@@ -23,6 +24,9 @@ pub struct TouchesOptions {
     pub gain: Option<f64>,
     /// Standard deviation of the position of the arm, per axis, in m; `None`: estimated from the fit, or else 1 mm.
     pub arm_noise: Option<f64>,
+    /// How late the readings are, in s: each frame has the readings of this much earlier. `None`: estimated, and taken off beyond
+    /// five standard deviations.
+    pub delay: Option<f64>,
     /// A drawing of the skin: where taxels should be, and their normals, in the frame of the link.
     pub drawing: Option<Drawing>,
     /// Taxels that are left out, such as faulty ones.
@@ -41,6 +45,7 @@ impl TouchesOptions {
             ("the radius of a taxel in m", 1e-6..=1e3, self.taxel_radius),
             ("the gain", 1e-15..=1e15, self.gain),
             ("the noise of the arm in m", 0.0..=1e3, self.arm_noise),
+            ("the delay of the readings in s", -MOST_DELAY..=MOST_DELAY, self.delay),
         ] {
             if let Some(found) = found.filter(|found| !range.contains(found)) {
                 return Err(TouchesError::BadOption { option, found, range: [*range.start(), *range.end()] });

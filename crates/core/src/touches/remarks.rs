@@ -1,7 +1,7 @@
 //! What is said of how contacts were found.
 
 use crate::skin::sentence::{count, first_few};
-use crate::touches::{LeftOutReading, LogOfRows, TouchContacts};
+use crate::touches::{LeftOutReading, LogDelay, LogOfRows, TouchContacts};
 
 impl LogOfRows {
     /// What was not used, a sentence each.
@@ -13,6 +13,28 @@ impl LogOfRows {
             }
         }
         said
+    }
+}
+
+impl LogDelay {
+    /// The delay in a sentence, if the touches say that there is one.
+    pub fn remark(&self) -> Option<String> {
+        let Self { seconds, sigma, removed } = *self;
+        let rest = Self { seconds: seconds - removed, ..*self };
+        let is_said = removed != 0.0 || self.is_significant();
+        let late = if seconds < 0.0 { "early" } else { "late" };
+        let taken = match (removed, rest.is_significant()) {
+            (0.0, _) => String::new(),
+            (_, false) => ", which is taken off".to_owned(),
+            (removed, true) => format!(", of which {:.1} ms are taken off", 1e3 * removed),
+        };
+        is_said.then(|| {
+            format!(
+                "the readings are {late} by {:.1} ms, standard deviation {:.1} ms{taken}: the clock, or play of the joints",
+                1e3 * seconds.abs(),
+                1e3 * sigma
+            )
+        })
     }
 }
 
@@ -40,6 +62,11 @@ impl TouchContacts {
                 "in {frames}, first in line {first}, the centre of the sphere is inside the skin as drawn; check the poses, \
                  px,py,pz and the normals of the drawing"
             ));
+        }
+        said.extend(summary.delay.and_then(|delay| delay.remark()));
+        if summary.untimed > 0 {
+            let frames = count(summary.untimed, "frame has", "frames have");
+            said.push(format!("{frames} no pose at the time of the readings, left out"));
         }
         let (touches, taxels) = (count(summary.touches, "touch", "touches"), summary.taxels);
         said.push(format!(

@@ -2,8 +2,8 @@
 //!
 //! The centres of a sphere that touches lie on the skin raised by its radius, so that a normal is that of the quadric through all
 //! of them near a taxel: one mean centre for each taxel is less exact by a contact. Signs follow from neighbour to neighbour
-//! along the minimum spanning tree `(hoppe1992)`, nearly parallel normals first. The side of a connected piece is that to which it
-//! bends, or where it is flat that to which readings fall while the sphere moves, or else away from the origin of the link.
+//! along the minimum spanning tree `(hoppe1992)`, nearly parallel normals first. The side of a connected piece is that to which readings
+//! fall while the sphere moves, or where they do not tell that to which it bends, or else away from the origin of the link.
 //!
 //! *Heuristic*: normals of one mean centre for each taxel, joined breadth first, put 4 taxels of one simulated log and 9 of another
 //! on the far side of the sphere; these put none there.
@@ -178,7 +178,7 @@ pub(super) fn orient(
         let by_readings = (sigmas.abs() > LEAST_SIGMAS).then_some(sigmas > 0.0);
         let centre = piece.iter().map(|&v| points[v]).sum::<DVec3>() / piece.len() as f64;
         let away = || away_from(points, normals, piece, DVec3::ZERO);
-        match away_from(points, normals, piece, centre).or(by_readings).or_else(away) {
+        match by_readings.or_else(|| away_from(points, normals, piece, centre)).or_else(away) {
             Some(true) => {}
             Some(false) => piece.iter().for_each(|&v| normals[v] = normals[v].map(|n| -n)),
             None => all_told = false,

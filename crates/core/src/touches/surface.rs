@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use glam::{DVec3, IVec3};
 
 use crate::id::{IdVec, VertexId};
-use crate::numeric::{median, solve_system, symmetric_eigen};
+use crate::numeric::{median, nth_smallest, solve_system, symmetric_eigen};
 use crate::parallel::par_ids;
 
 /// Neighbours within this many spacings determine a normal.
@@ -59,8 +59,24 @@ impl<'a> Cubes<'a> {
     }
 }
 
+/// The spacing of points over the median distance of the sixth nearest one. That is 1 on a triangular lattice, 0.71 on a square one, and
+/// 0.78 where errors have spread the points evenly: the nearest point is then at half a spacing.
+/// The least of these keeps the spacing of exact lattices.
+const SIXTH: f64 = 0.7;
+
 /// The median distance of a point from its nearest other one, in m; `None` below two points or if they coincide.
 pub(super) fn spacing(points: &IdVec<VertexId, DVec3>) -> Option<f64> {
+    distance_of_nearest(points, 1)
+}
+
+/// The spacing of points that may be off by half of it and more.
+pub(super) fn spacing_of_guesses(points: &IdVec<VertexId, DVec3>) -> Option<f64> {
+    let sixth = distance_of_nearest(points, 6).map_or(0.0, |distance| SIXTH * distance);
+    spacing(points).map(|nearest| nearest.max(sixth))
+}
+
+/// The median distance of a point from the nearest other one, or the second nearest and so on; `None` if there is none.
+fn distance_of_nearest(points: &IdVec<VertexId, DVec3>, rank: usize) -> Option<f64> {
     let [least, most] = [DVec3::min, DVec3::max].map(|of| points.iter().copied().reduce(of));
     let size = (most? - least?).max_element();
     let mut side = size / (points.len() as f64).sqrt();
@@ -72,7 +88,8 @@ pub(super) fn spacing(points: &IdVec<VertexId, DVec3>) -> Option<f64> {
         let cubes = Cubes::new(points, side);
         let nearest = |v: VertexId| {
             let others = cubes.around(v).into_iter();
-            others.map(|u| points[u].distance(points[v])).reduce(f64::min)
+            let distances: Vec<f64> = others.map(|u| points[u].distance(points[v])).collect();
+            nth_smallest(distances, rank - 1)
         };
         let found: Vec<f64> = points.ids().filter_map(nearest).collect();
         if 4 * found.len() >= 3 * points.len() {

@@ -13,6 +13,7 @@ use crate::check::recordings::RecordingArgs;
 use crate::console::notes::{note, rows_of};
 use crate::files::outputs;
 use crate::options::{Common, InPath};
+use crate::readings::remark_channel;
 
 /// The order of columns.
 #[derive(Debug, clap::Args)]
@@ -41,9 +42,18 @@ impl OrderArgs {
         let mut reading = recordings.read.clone();
         reading.zero = Some(reading.zero.unwrap_or(Zero::Follow));
         let options = reading.recording_options(common)?;
-        let open = |number: usize| reading.reader(&recordings.readings[number], common);
         let map = SkinMap::of_taxels(skin);
         let count = recordings.readings.len();
+        let mut opened = 0;
+        let open = |number: usize| {
+            let path = &recordings.readings[number];
+            let readings = reading.reader(path, common)?;
+            if opened < count {
+                remark_channel(&readings.channels, path, common);
+            }
+            opened += 1;
+            Ok::<_, anyhow::Error>(readings)
+        };
         let order = find_order(&map, &known, recordings.threshold, &options, count, open, Run::default())?;
         if let Some(path) = &recordings.output {
             let unnamed = write_order(common.outputs.file(path), &order).map_err(Error::from)?;

@@ -15,7 +15,7 @@ use crate::console::notes::{note, rows_of};
 use crate::console::print::line;
 use crate::files::outputs::{self, is_stream};
 use crate::options::{Common, InPath, OutFile};
-use crate::readings::{ReadingsArgs, positive, remark_join};
+use crate::readings::{ReadingsArgs, positive, remark_channel, remark_join};
 
 /// What recordings say of the taxels.
 #[derive(Debug, clap::Args)]
@@ -66,6 +66,7 @@ impl RecordingArgs {
             let recording = self.read.open_at(zero, path, &map, common)?;
             if opened < self.readings.len() {
                 remark_join(&recording, path, common);
+                remark_channel(recording.channels(), path, common);
             }
             opened += 1;
             Ok::<_, anyhow::Error>(recording)

@@ -75,6 +75,11 @@ pub(crate) fn plain(name: &str) -> String {
     harmless(name, LONGEST_NAME)
 }
 
+/// A sentence with names in it: each word as [`plain`], none cut off for the length of others.
+pub(crate) fn plain_sentence(sentence: &str) -> String {
+    sentence.split(' ').map(plain).collect::<Vec<_>>().join(" ")
+}
+
 /// Whether a terminal only shows a character: it is no control, begins no line and does not turn the
 /// direction of writing.
 pub(crate) fn is_harmless(c: char) -> bool {

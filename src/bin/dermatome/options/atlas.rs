@@ -8,12 +8,12 @@ use dermatome::cut::Cut;
 use dermatome::io::{map_hash, read_landmarks, read_map};
 use dermatome::map::SkinMap;
 use dermatome::pipeline::{BuildOptions, Built};
-use dermatome::registration::{Landmarks, Onto, Registered, RegisteredPatch, carried_seams};
+use dermatome::registration::{Landmarks, Onto, Registered, carried_seams};
 use dermatome::skin::{Skin, Taxels};
 
 use crate::console::errors::advise;
 use crate::console::notes::{note, note_columns};
-use crate::console::print::plain;
+use crate::console::print::plain_sentence;
 use crate::options::Common;
 use crate::options::paths::{InPath, LandmarkSource, landmark_source};
 
@@ -52,7 +52,7 @@ impl AtlasArgs {
         common: &Common,
     ) -> anyhow::Result<Option<Cut>> {
         let common = Common { quiet: true, ..common.clone() };
-        let own = skin.patches.iter().map(|patch| &patch.taxels);
+        let own = skin.patches.iter().map(|patch| (&*patch.name, &patch.taxels));
         let Some(landmarks) = self.landmarks(own, atlas, &common)? else { return Ok(None) };
         let seams = carried_seams(skin, &atlas.map, &landmarks).map_err(Error::from)?;
         Ok((!seams.is_empty()).then_some(Cut::Along(seams)))
@@ -61,7 +61,7 @@ impl AtlasArgs {
     /// What is the same on the atlas and on a skin with these patches.
     fn landmarks<'a>(
         &self,
-        own: impl IntoIterator<Item = &'a Taxels>,
+        own: impl IntoIterator<Item = (&'a str, &'a Taxels)>,
         atlas: &AtlasMap,
         common: &Common,
     ) -> anyhow::Result<Option<Landmarks>> {
@@ -86,7 +86,7 @@ impl AtlasArgs {
         common: &Common,
     ) -> anyhow::Result<()> {
         let map = Arc::clone(&built.map);
-        let own = map.patches.iter().map(|patch| &patch.taxels);
+        let own = map.patches.iter().map(|patch| (&*patch.name, &patch.taxels));
         let Some(landmarks) = self.landmarks(own, atlas, common)? else { return Ok(()) };
         if landmarks == Landmarks::Regions {
             for (map, whose) in [(&*map, "the skin"), (&atlas.map, "the atlas")] {
@@ -116,15 +116,6 @@ fn atlas_name(path: &Path) -> String {
 }
 
 fn note_registered(registered: &Registered, common: &Common) {
-    registered.remarks().iter().for_each(|remark| note!(common, "{}", plain(remark)));
-    for patch in &registered.patches {
-        let RegisteredPatch { atlas, landmarks, scale, missed, steps, .. } = patch;
-        let (name, atlas, missed_mm) = (plain(&patch.name), plain(atlas), 1e3 * missed);
-        let steps = if *steps == 1 { "one step".to_owned() } else { format!("{steps} steps") };
-        note!(
-            common,
-            "{name}: on the atlas patch {atlas} by {landmarks} landmarks, {scale:.3} times as large; they missed it by \
-             {missed_mm:.1} mm before the map was bent, in {steps}"
-        );
-    }
+    registered.remarks().iter().for_each(|remark| note!(common, "{}", plain_sentence(remark)));
+    registered.patches.iter().for_each(|patch| note!(common, "{}", plain_sentence(&patch.to_string())));
 }

@@ -119,7 +119,7 @@ impl LevelArg {
 }
 
 /// The level without a mesh that a name is of; refuses one that a map does not have.
-fn field_level(name: &str, map: Option<&SkinMap>) -> anyhow::Result<NamedLevel> {
+pub(crate) fn field_level(name: &str, map: Option<&SkinMap>) -> anyhow::Result<NamedLevel> {
     if let Some(level) = Body::number_of(name) {
         check_body_level(level, map)?;
         return Ok((FieldLevel { modality: None, level }, format!("body.L{level}")));
@@ -138,7 +138,7 @@ fn field_level(name: &str, map: Option<&SkinMap>) -> anyhow::Result<NamedLevel> 
 }
 
 /// Refuses a level of the whole body that a map does not have.
-pub(crate) fn check_body_level(level: LevelId, map: Option<&SkinMap>) -> anyhow::Result<()> {
+fn check_body_level(level: LevelId, map: Option<&SkinMap>) -> anyhow::Result<()> {
     match map.map_or(0, |map| map.body.levels.len()) {
         count if level.index() < count => Ok(()),
         0 => Err(advise(

@@ -7,6 +7,7 @@ use std::sync::Arc;
 use clap::ValueEnum;
 use dermatome::Error;
 use dermatome::atlas::{Atlas, LevelImage};
+use dermatome::body::FieldLevel;
 use dermatome::io::{
     FrameContent, IoError, OutPath, Outputs, RecordingLayout, RecordingWriter, write_frame, write_raw_frame,
 };
@@ -106,6 +107,8 @@ pub(super) struct Content<'a> {
     pub(super) atlas: Option<&'a Atlas>,
     pub(super) channels: &'a [Channel],
     pub(super) level: Option<LevelId>,
+    /// The level without a mesh that is drawn alone.
+    pub(super) fields: Option<FieldLevel>,
     /// Whether EXR files also have the channels that say what pixels show.
     pub(super) has_static: bool,
 }
@@ -183,7 +186,7 @@ impl<'a> Output<'a> {
         content: &Content<'_>,
         outputs: &'a Outputs,
     ) -> Result<Self, Error> {
-        let Content { map, atlas, channels, level, has_static } = *content;
+        let Content { map, atlas, channels, level, fields, has_static } = *content;
         if let ImagesKind::Folder(_) = kind {
             make_folder(path)?;
         }
@@ -198,7 +201,7 @@ impl<'a> Output<'a> {
         Ok(match kind {
             ImagesKind::Pipe => Self::Pipe(StandardOutput::new(outputs)),
             ImagesKind::Array(_) => {
-                let layout = RecordingLayout { channels, atlas, values: true, level };
+                let layout = RecordingLayout { channels, atlas, values: true, level, fields };
                 Self::Array(Box::new(RecordingWriter::create(outputs.file(path), map, &layout)?))
             }
             ImagesKind::Folder(Pictures::Exr) => {

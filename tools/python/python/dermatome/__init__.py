@@ -39,7 +39,7 @@ from dermatome._dermatome import (
     flatten,
     simulate,
 )
-from dermatome._errors import ArgumentError, DataError, Error, FileError, MissingFileError
+from dermatome._errors import ArgumentError, DataError, DermatomeWarning, Error, FileError, MissingFileError
 from dermatome._frame import MapFrame
 from dermatome._follow import FollowedTouch, Following, follow
 from dermatome._readings import Readings
@@ -58,6 +58,7 @@ __all__ = [
     "ContactTracker",
     "DataError",
     "Decoder",
+    "DermatomeWarning",
     "Error",
     "EventDetector",
     "Fields",

@@ -47,7 +47,8 @@ def checked(map: Map, level: Any) -> int:
 
 def fields_of(map: Map, level: int) -> list[tuple[str, Level, slice]]:
     """Name, level and fields of each patch, in the order of `Map.pool`."""
-    made, first = [], 0
+    made: list[tuple[str, Level, slice]] = []
+    first = 0
     for name, patch in map.patches.items():
         of = patch.levels[min(checked(map, level), len(patch.levels) - 1)]
         count = len(of.areas)

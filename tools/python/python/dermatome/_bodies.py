@@ -236,7 +236,7 @@ class BodyCalibration:
 def bodies_of(found: dict[str, Any]) -> BodyCalibration:
     """A calibration of what the library found."""
     held_back = found["held_back"]
-    made = {
+    made: dict[str, Any] = {
         **found,
         "modules": tuple(found["modules"]),
         "patches": tuple(found["patches"]),

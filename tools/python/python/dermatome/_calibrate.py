@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 
 from dermatome._bodies import BodyCalibration, bodies_of
 from dermatome._dermatome import Calibration, Map, Observations, Skin, calibrate_taxels, fit_bodies
-from dermatome._errors import DataError, check_kind
+from dermatome._errors import ArgumentError, DataError, check_kind, whole_of
+from dermatome._kinds import is_mapping
 
 if TYPE_CHECKING:
     _Path = str | os.PathLike[str]
@@ -174,6 +175,11 @@ def calibrate(
 def options_of(given: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
     """The options of taxels and those of bodies among arguments, with the default of each that is not among them."""
     taxels, bodies = ({name: given.get(name, known) for name, known in of.items()} for of in (OF_TAXELS, OF_BODIES))
+    for name in ("robust", "residual", "initial"):
+        check_kind(name, taxels[name], str, "a word")
+    if type(taxels["covariances"]).__name__ not in ("bool", "bool_"):  # Of numpy, too.
+        raise ArgumentError(f"covariances: found {taxels['covariances']!r}; needed: True or False")
+    taxels["iterations"] = whole_of("iterations", taxels["iterations"], "a number of steps")
     return taxels, bodies
 
 
@@ -192,8 +198,8 @@ def options_of_bodies(given: dict[str, Any]) -> tuple[Any, dict[str, Any]]:
     """The modules, and the other options as the library takes them."""
     options = dict(given)
     modules = options.pop("modules")
-    if isinstance(modules, Mapping):
-        modules = {int(taxel): str(module) for taxel, module in modules.items()}
+    if is_mapping(modules):
+        modules = {whole_of("modules", taxel, "ids of taxels"): str(module) for taxel, module in modules.items()}
     for name, known in (("fit_probe", PROBE), ("fit_standoff", STANDOFF)):
         value = options[name]
         options[name] = (known if value else None) if isinstance(value, bool) or value is None else value

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Mapping
 from typing import Any
 
 from dermatome._errors import DataError
+from dermatome._kinds import is_mapping
 
 # Columns of whole numbers, which arrays may have as floats.
 WHOLE = ("i", "j", "touch", "contact")
@@ -35,10 +35,10 @@ def _cells(argument: str, name: str, values: Any) -> list[str]:
 
     if isinstance(values, str):
         return [values]
-    if isinstance(values, np.ma.MaskedArray) and np.any(values.mask):
+    if np.ma.is_masked(values):
         raise DataError(f"{argument}: found masked numbers; needed: .filled(numpy.nan)")
     # Of the taxels of a frame there may be one, or as many as frames.
-    array = np.empty(0, object) if name == "taxels" else np.atleast_1d(np.asarray(values))
+    array: Any = np.empty(0, object) if name == "taxels" else np.atleast_1d(np.asarray(values))
     if array.dtype.kind in "iuf":
         if array.ndim != 1:
             raise DataError(f"{argument}: found shape {array.shape}; needed: shape (k,)")
@@ -61,7 +61,7 @@ def _word(argument: str, name: str, value: Any) -> str:
         return value or ""
     if hasattr(value, "item") and getattr(value, "ndim", None) == 0:  # A number of numpy.
         value = value.item()
-    if isinstance(value, Mapping):
+    if is_mapping(value):
         return ";".join(f"{int(taxel)}:{float(reading)!r}" for taxel, reading in value.items())
     if isinstance(value, (int, float)):
         return _number(name, value)

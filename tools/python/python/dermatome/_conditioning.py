@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from dermatome._dermatome import Map, as_floats, condition_readings
-from dermatome._errors import DataError, number_of
+from dermatome._dermatome import Map, as_floats, condition_readings, is_of_touch
+from dermatome._errors import DataError, number_of, whole_of
+from dermatome._kinds import is_mapping
 
 if TYPE_CHECKING:
     from dermatome._readings import Readings
@@ -33,7 +33,8 @@ def condition(readings: Readings, map: Map, options: Options) -> Readings:
     import numpy as np
 
     of_map = readings.on(map)
-    values, times, split, baseline = of_map.values, of_map.timestamps, options.split, options.baseline
+    values, times, split = of_map.values, of_map.timestamps, options.split
+    baseline: Any = options.baseline
     if options.rate is not None:
         rate = number_of("rate", options.rate, "a number above 0")
         if not 0 < rate < float("inf"):
@@ -57,18 +58,19 @@ def condition(readings: Readings, map: Map, options: Options) -> Readings:
         if not is_number(baseline) or baseline != 0:
             raise DataError("zero: found a baseline, too; needed: one of the two")
         if not follows:
-            baseline = np.broadcast_to(as_floats("zero", options.zero), shape) if is_number(options.zero) else options.zero
+            baseline = np.full(shape[1], as_floats("zero", options.zero)) if is_number(options.zero) else options.zero
     if not is_number(baseline):
         with np.errstate(invalid="ignore"):  # Infinite readings are missing ones.
-            values, baseline = values - per_taxel("baseline", baseline, shape), 0
+            values, baseline = values - of_touch("baseline" if options.zero is None else "zero", baseline, 0.0, of_map), 0
     gains: list[tuple[Any, Any]] = []
-    if isinstance(options.gain, Mapping):
-        gains = list(options.gain.items())
-    elif options.gain is not None and follows:
-        gains = _by_id(map, per_taxel("gain", options.gain, shape))
-    elif options.gain is not None:
+    gain: Any = options.gain
+    if is_mapping(gain):
+        gains = [(whole_of("gain", taxel, "ids of taxels"), number_of("gain", number, "numbers")) for taxel, number in gain.items()]
+    elif gain is not None and follows:
+        gains = _by_id(map, per_taxel("gain", gain, shape))
+    elif gain is not None:
         # Before the mean of frames is subtracted: the result is the same.
-        values = values * per_taxel("gain", options.gain, shape)
+        values = values * of_touch("gain", gain, 1.0, of_map)
     clip = None if options.clip is None else tuple(as_floats("clip", options.clip).ravel().tolist())
     if clip is not None and len(clip) != 2:
         raise DataError(f"clip: found {len(clip)} numbers; needed: 2, the lower one first")
@@ -124,6 +126,21 @@ def is_number(given: Any) -> bool:
         return np.ndim(given) == 0
     except (TypeError, ValueError):
         return False
+
+
+def of_touch(name: str, given: Any, neutral: float, readings: Readings) -> Any:
+    """Numbers (C, N) of which those of channels that measure no touches are neutral, unless there is one for each channel."""
+    import numpy as np
+
+    shape = readings.values.shape[1:]
+    array = per_taxel(name, given, shape)
+    if np.ndim(given) == 2:
+        return array
+    unknown = ("",) * shape[0]
+    is_touch = [is_of_touch(channel, unit) for channel, unit in zip(readings.channels or unknown, readings.units or unknown)]
+    if not any(is_touch):
+        raise DataError(f"{name}: found the channels {list(readings.channels)}; needed: one that measures touches, or shape {array.shape}")
+    return np.where(np.array(is_touch)[:, None], array, neutral)
 
 
 def per_taxel(name: str, given: Any, shape: tuple[int, ...]) -> Any:

@@ -48,14 +48,15 @@ __all__ = [
     "fit_bodies",
     "flatten",
     "is_extensive",
+    "is_of_touch",
     "join_readings",
+    "main_channel",
     "order_columns",
     "read_readings",
     "run_command",
     "simulate",
     "simulate_touch",
     "summarise_readings",
-    "touch_channel",
     "write_taxels_of_bodies",
 ]
 
@@ -209,6 +210,8 @@ class Map(_Made):
     def _repr_html_(self) -> str: ...
     def __eq__(self, other: object, /) -> bool: ...
     def __hash__(self) -> int: ...
+    @property
+    def remarks(self) -> tuple[str, ...]: ...
     @property
     def patches(self) -> dict[str, Patch]: ...
     @property
@@ -582,6 +585,7 @@ class ContactTracker:
         unit: str = "Pa",
         probe: Literal["any", "finger", "foot"] = "any",
         threshold: float | None = None,
+        tared: bool = False,
         low: float | None = None,
         least: int = 2,
         prominence: float = 0.4,
@@ -802,8 +806,9 @@ def summarise_readings(
     probe: Literal["any", "finger"] = "any",
     level: str | None = None,
 ) -> tuple[list[dict[str, Any]], float | None, int]: ...
-def touch_channel(channels: Sequence[str], units: Sequence[str]) -> int: ...
+def main_channel(channels: Sequence[str], units: Sequence[str]) -> int: ...
 def is_extensive(name: str, unit: str) -> bool: ...
+def is_of_touch(name: str, unit: str) -> bool: ...
 def as_floats(name: str, value: ArrayLike) -> _F64: ...
 def as_numbers(name: str, value: ArrayLike, count: int) -> _U32: ...
 def simulate_touch(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 import os
 import re
 from typing import Any
@@ -39,7 +40,7 @@ class ArgumentError(DataError, TypeError):
         if said:
             self.args = (f"{said[1]}: {self}",)
         else:
-            super().add_note(note)
+            super().add_note(note)  # type: ignore[misc, unused-ignore]  # pyright: ignore
 
 
 class FileError(Error, OSError):
@@ -48,6 +49,10 @@ class FileError(Error, OSError):
 
 class MissingFileError(FileError, FileNotFoundError):
     """A file that does not exist."""
+
+
+class DermatomeWarning(UserWarning):
+    """What was done is other than may be expected, as `build` says of a map that is poor or of a patch that is left out."""
 
 
 def check_kind(argument: str, value: object, kind: type | tuple[type, ...], needed: str) -> None:
@@ -74,10 +79,18 @@ def number_of(argument: str, value: object, needed: str) -> float:
     raise ArgumentError(f"{argument}: found {str(value)[:40]!r}; needed: {needed}")
 
 
+def whole_of(argument: str, value: object, needed: str) -> int:
+    """A whole number; an error of another argument."""
+    try:
+        return operator.index(value)  # type: ignore[arg-type]
+    except TypeError:
+        raise ArgumentError(f"{argument}: found {str(value)[:40]!r}; needed: {needed}") from None
+
+
 #: What takes the place of another type, in messages.
 A_MAP = "a Map, as dermatome.build or Map.read makes it"
 READINGS = "Readings, as Readings.read(path) reads them"
 
 
-for _class in (Error, DataError, ArgumentError, FileError, MissingFileError):
+for _class in (Error, DataError, ArgumentError, FileError, MissingFileError, DermatomeWarning):
     _class.__module__ = "dermatome"

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, NoReturn
 from dermatome._bodies import BodyCalibration, bodies_of
 from dermatome._calibrate import check_options, options_of, options_of_bodies
 from dermatome._dermatome import Calibration, Map, Observations, Skin, TouchFollower, TouchLines
-from dermatome._errors import DataError
+from dermatome._errors import DataError, whole_of
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -194,10 +194,12 @@ def follow(
     """
     taxels, bodies = options_of(locals())
     check_options(cad, taxels, bodies)
+    every = whole_of("every", every, "a number of touches")
     if every < 1:
         raise DataError(f"every: found {every}; needed: a number of touches, at least 1")
-    if isinstance(rows, (str, bytes, Mapping, Observations)):
-        raise DataError(f"rows: found {type(rows).__name__}; needed: an iterable of lines or of touches")
+    kind = type(rows)
+    if issubclass(kind, (str, bytes, Mapping, Observations)) or not issubclass(kind, Iterable):
+        raise DataError(f"rows: found {kind.__name__}; needed: an iterable of lines or of touches")
     if cad is None:
         return Following(rows, TouchFollower.of_taxels(taxels, every, threads), unit)
     return Following(rows, TouchFollower.of_bodies(cad, *options_of_bodies(bodies), every, threads), unit)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from dermatome._errors import DataError, number_of
+from dermatome._errors import ArgumentError, DataError, number_of
 
 if TYPE_CHECKING:
     from dermatome._dermatome import Map
@@ -21,7 +21,7 @@ def from_xarray(make: Any, array: Any) -> Readings:
     """A `DataArray` of the axes time and taxel, and channel if there are several, in any order."""
     import numpy as np
 
-    dims = list(getattr(array, "dims", ()))
+    dims: list[str] = list(getattr(array, "dims", ()))
     if sorted(dims) not in (["taxel", "time"], ["channel", "taxel", "time"]):
         raise DataError(f"array: found the axes {dims}; needed: time and taxel, and channel if there are several")
     array = array.transpose("time", *(["channel"] if "channel" in dims else []), "taxel")
@@ -43,8 +43,10 @@ def from_pandas(make: Any, table: Any, units: Any) -> Readings:
     """A `DataFrame`: a row a frame, a column a taxel."""
     import numpy as np
 
+    if not hasattr(table, "columns") or not hasattr(table, "index"):
+        raise ArgumentError(f"table: found {type(table).__name__}; needed: a DataFrame")
     columns, index = list(table.columns), table.index
-    ids = []
+    ids: list[int] = []
     for column in columns:
         text = str(column)
         if not text.isdigit():
@@ -62,15 +64,16 @@ def places(map: Map) -> dict[str, Any]:
     """Patch, position in the frame of the link, and place on the map of each taxel of a map."""
     import numpy as np
 
-    parts = []
+    parts: list[tuple[Any, Any, Any]] = []
     for name, patch in map.patches.items():
         level = patch.levels[0]
         first = np.zeros(len(level.positions), dtype=np.int64)
         # Of a taxel on a seam the first place.
         first[level.vertex_of_place[::-1]] = np.arange(len(level.uv))[::-1]
         parts.append((np.full(len(first), name, dtype=object), level.positions, level.uv[first]))
-    patches, positions, uv = (np.concatenate(part) for part in zip(*parts))
-    columns = [*positions.T, *uv.T]
+    joined: list[Any] = [np.concatenate(part) for part in zip(*parts)]
+    patches, positions, uv = joined
+    columns = [*positions.transpose(), *uv.transpose()]
     return {"patch": ("taxel", patches.astype(str))} | {name: ("taxel", of) for name, of in zip("xyzuv", columns)}
 
 
@@ -105,17 +108,17 @@ def resample(readings: Readings, rate: float) -> Readings:
     step = float(np.median(np.diff(times)))
     new = times[0] + np.arange(int(np.floor((times[-1] - times[0]) * rate * (1 + 1e-12))) + 1) / rate
     made = np.full((len(new), *values.shape[1:]), np.nan)
-    after = np.searchsorted(times, new, side="left")
     # Means of the frames around each new time, where there are several.
-    left, right = (np.searchsorted(times, new + (side - ROUNDING) / rate) for side in (-0.5, 0.5))
-    for k, (low, high) in enumerate(zip(left, right)):
-        if high - low > 1:
-            known = np.isfinite(values[low:high])
+    find: Any = times.searchsorted
+    low, after, high = (find(at) for at in (new - (0.5 + ROUNDING) / rate, new, new + (0.5 - ROUNDING) / rate))
+    for k, (first, end) in enumerate(zip(low, high)):
+        if end - first > 1:
+            known = np.isfinite(values[first:end])
             count = known.sum(axis=0)
-            sums = np.where(known, values[low:high], 0).sum(axis=0)
+            sums = np.where(known, values[first:end], 0).sum(axis=0)
             made[k] = np.where(count > 0, sums / np.maximum(count, 1), np.nan)
             continue
-        b = min(int(after[k]), len(times) - 1)
+        b = min(after[k], len(times) - 1)
         a = b if times[b] <= new[k] else b - 1
         if times[b] - times[a] <= PAUSE * step:
             share = 0.0 if a == b else (new[k] - times[a]) / (times[b] - times[a])

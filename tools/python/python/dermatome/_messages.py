@@ -10,6 +10,7 @@ from typing import Any
 from dermatome._adapter import need
 from dermatome._dermatome import Map, as_floats
 from dermatome._errors import DataError
+from dermatome._kinds import is_list
 
 # Messages that bags up to ROS 2 Humble hold no definitions of, and rosbags does not know.
 DEFINITIONS = {
@@ -70,24 +71,26 @@ def kind_of(message: Any) -> str:
 
 def arrays_in(message: Any, depth: int = 3) -> list[str]:
     """The names of the fields of a message that are arrays of numbers."""
-    np, found = need("numpy", "ros"), []
-    for name, value in vars(message).items():
+    np = need("numpy", "ros")
+    found: list[str] = []
+    fields: Any = message.__dict__
+    for name, value in fields.items():
         if name.startswith("_"):
             continue
-        inner = value[0] if isinstance(value, list) and value else value
+        inner = value[0] if is_list(value) and value else value
         if hasattr(inner, "__msgtype__") and depth:
             found += [f"{name}.{each}" for each in arrays_in(inner, depth - 1)]
-        elif isinstance(value, (list, np.ndarray)) or (isinstance(value, float) and depth < 3):
+        elif is_list(value) or isinstance(value, np.ndarray) or (isinstance(value, float) and depth < 3):
             found.append(name)
     return found
 
 
 def field_of(message: Any, name: str) -> Any:
     """A field by its name, as `pressure`, or `taxels.force` of a list of messages."""
-    found = message
+    found: Any = message
     for step in name.split("."):
         try:
-            found = [getattr(each, step) for each in found] if isinstance(found, list) else getattr(found, step)
+            found = [getattr(each, step) for each in found] if is_list(found) else getattr(found, step)
         except AttributeError:
             known = arrays_in(message)
             raise DataError(f"values: found {name!r}; needed: one of the fields {known} of {kind_of(message)}") from None
@@ -176,7 +179,7 @@ def points_of(message: Any, names: list[str] | None) -> Numbers:
 def table_of(message: Any) -> Any:
     """The points of a cloud, each with its fields, (n, count) each."""
     np = need("numpy", "ros")
-    kinds = {}
+    kinds: dict[str, tuple[str, int, int]] = {}
     for field in message.fields:
         if field.datatype not in POINTS:
             raise DataError(f"field {field.name!r}: found the type {field.datatype}; needed: 1 to 8")
@@ -202,7 +205,7 @@ def _array(message: Any, count: int) -> Numbers:
     sizes, offset = [int(each.size) for each in layout.dim], int(layout.data_offset)
     labels = [str(each.label).strip().lower() for each in layout.dim]
     flat = data[offset:]
-    shape = tuple(sizes) if sizes else (len(flat),)
+    shape = sizes or [len(flat)]
     if len(flat) == np.prod(shape):
         block = flat.reshape(shape)
     else:

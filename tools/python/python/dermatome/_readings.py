@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 from dermatome import _conditioning
 from dermatome._dermatome import Map, as_floats, as_numbers, is_extensive, join_readings, read_readings
-from dermatome._errors import A_MAP, ArgumentError, DataError, FileError, check_kind, path_of
+from dermatome._errors import A_MAP, ArgumentError, DataError, check_kind, path_of
+from dermatome._whole import written
 
 if TYPE_CHECKING:
     import os
@@ -100,10 +102,10 @@ class Readings:
         """
         stored, measured = _stored(path)
         arrays = read_readings(path, stored or layout or "tnc")
-        remarks = []
+        remarks: list[str] = []
         if stored and layout not in (None, stored) and arrays["values"].shape[1] > 1:
             remarks.append(f"the layout is {stored!r}, as the file says, and not {layout!r}")
-        readings = _of(arrays)
+        readings = of_arrays(arrays)
         if measured is not None and measured.shape == readings.values.shape:
             readings = replace(readings, measured=measured)
         if not _any_finite(readings.timestamps):
@@ -241,7 +243,7 @@ class Readings:
         DataError
             If they have another shape.
         """
-        array = as_floats("values", values)
+        array: Any = as_floats("values", values)
         shape = self.values.shape
         if array.shape not in (shape, (shape[0], shape[2]) if shape[1] == 1 else shape):
             raise DataError(f"values: found shape {array.shape}; needed: {shape}")
@@ -280,8 +282,8 @@ class Readings:
         """
         import numpy as np
 
-        known = np.arange(self.values.shape[2]) if self.ids is None else self.ids
-        gone = np.asarray(ids).ravel()
+        known: Any = range(self.values.shape[2]) if self.ids is None else self.ids
+        gone: NDArray[Any] = np.asarray(ids).ravel()
         missing = ~np.isin(gone, known)
         if missing.any():
             raise DataError(f"ids: found {gone[missing][0]}; needed: {'places' if self.ids is None else 'ids'} of taxels of the recording")
@@ -333,10 +335,10 @@ class Readings:
         import numpy as np
 
         if isinstance(frames, tuple):
-            raise DataError(f"frames: found {len(frames)} indices; needed: one, of frames; values[...] are numbers")
+            raise DataError("frames: found several indices; needed: one, of frames; values[...] are numbers")
         if np.ndim(frames) == 0 and not isinstance(frames, slice):
             try:
-                frames = [int(range(len(self))[frames])]
+                frames = [range(len(self))[operator.index(frames)]]
             except TypeError:
                 needed = "a number, a slice or an array of numbers; select(channel) and drop(ids) choose channels and taxels"
                 raise ArgumentError(f"frames: found {frames!r}; needed: {needed}") from None
@@ -406,7 +408,8 @@ class Readings:
         scale, offset : float, (N,) or (C, N) array_like
             What readings are multiplied by and what is then added to them, as from counts to Pa.
         baseline : int, (N,) or (C, N) array_like
-            What is subtracted; a number: the mean of this many first frames.
+            What is subtracted; a number: the mean of this many first frames. Of channels that measure touches, as zero and gain;
+            arrays (C, N) have numbers for all channels.
         zero : "follow", "stored" or float, (N,) or (C, N) array_like, optional
             Instead of a baseline: the zero of each taxel is followed where nothing touches, is that of `response`, or is
             known.
@@ -490,21 +493,23 @@ class Readings:
         measured = pooled
         if of_map.measured is not None:
             measured = replace(of_map, values=np.where(of_map.measured, of_map.values, np.nan)).pooled(map, level)
-        made, names = {}, keys(map, level)
+        made: dict[str, dict[str, Any]] = {}
+        names = keys(map, level)
         for name, _, fields in fields_of(map, level):
-            part = pooled[:, :, fields]
+            part: Any = pooled[:, :, fields]
             known, shape = np.isfinite(part), (part.shape[1] * part.shape[2],)
+            values: Any = np.where(known, part, np.float32(0))
             made[names[name]] = {
                 "dtype": "float32",
                 "shape": shape,
                 "names": None,
-                "values": np.where(known, part, np.float32(0)).reshape(len(part), *shape),
+                "values": values.reshape(len(part), *shape),
                 "valid": np.isfinite(measured[:, :, fields]).all(axis=1),
             }
         return made
 
     def pooled(self, map: Map, level: int | str, *, threads: int = 0) -> NDArray[np.float32]:
-        """The values of the fields of a level, or of one of the whole body, as "body.L1", (T, C, fields): sums of channels that
+        """The values of the fields of a level, or of one of `Map.field_levels`, as "body.L1", (T, C, fields): sums of channels that
         are amounts, averages of others.
 
         Raises
@@ -554,7 +559,8 @@ class Readings:
         probe : {"any", "finger"}
             What touches the skin, for contacts that are close to each other.
         level : str, optional
-            A level of the whole body, as "body.L1", whose fields are groups, too.
+            A level of the whole body or of a modality, as "body.L1" or "arm.thermal.L0" (`Map.field_levels`), whose fields are
+            groups, too.
 
         Returns
         -------
@@ -575,13 +581,13 @@ class Readings:
         >>> whole["group"], whole["taxels"], whole["force_peak"] > 0
         ('whole', 81.0, True)
         """
-        from dermatome._dermatome import summarise_readings, touch_channel
+        from dermatome._dermatome import main_channel, summarise_readings
 
         joined = self.on(map)
         names = joined.channels or ("",)
         if channel is not None and channel not in names:
             raise DataError(f"channel: found {channel!r}; needed: one of {list(names)}")
-        number = touch_channel(joined.channels, joined.units) if channel is None else names.index(channel)
+        number = main_channel(joined.channels, joined.units) if channel is None else names.index(channel)
         unit = joined.units[number] if joined.units else ""
         rows, found, _ = summarise_readings(
             map,
@@ -712,13 +718,13 @@ class Readings:
             if not finite.all():
                 raise DataError(f"timestamps: found none for frame {np.argmin(finite)}; needed: one for each frame, or none")
             arrays["timestamps"] = self.timestamps
-        try:
-            np.savez(path_of("path", path), **arrays)
-        except OSError as error:
-            raise FileError(f"{path}: cannot be written: {error}", "io") from error
+        name = path_of("path", path)
+        with written(name if name.endswith(".npz") else f"{name}.npz") as part:
+            np.savez(part, **arrays)
 
 
-def _of(arrays: dict[str, Any]) -> Readings:
+def of_arrays(arrays: dict[str, Any]) -> Readings:
+    """A recording that the library has read or made."""
     made = Readings(arrays["values"], arrays["ids"], arrays["timestamps"], tuple(arrays["channels"]), tuple(arrays["units"]))
     is_tared, threshold = arrays["rest"]
     return replace(made, is_tared=is_tared, threshold=threshold)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from dermatome._dermatome import Layout, Map, Skin
-from dermatome._errors import DataError, FileError
+from dermatome._errors import DataError
+from dermatome._whole import whole, written
 from dermatome.recordings import Container, Track, open_container
 from dermatome.recordings._blocks import Join, Zeros, learn_frames, learnable
 from dermatome.recordings.core import Arrays, Text, draft_of_array
@@ -38,11 +39,8 @@ class Draft(str):
         FileError
             If it cannot be written.
         """
-        try:
-            with open(path, "w", encoding="utf-8") as file:
-                file.write(self)
-        except OSError as error:
-            raise FileError(f"{path}: cannot be written: {error}", "io") from error
+        with written(path) as part:
+            part.write_text(self, encoding="utf-8")
 
 
 class Recording:
@@ -66,12 +64,13 @@ class Recording:
         self, made: type[Readings], path: str | os.PathLike[str], stream: str | None = None, layout: Any = None, episode: int | None = None
     ) -> None:
         self._made, self.path = made, os.fspath(path)
-        if episode is not None and (not isinstance(episode, int) or isinstance(episode, bool) or episode < 0):
+        number = None if episode is None else whole(episode)
+        if episode is not None and (number is None or number < 0):
             raise DataError(f"episode: found {episode!r}; needed: a whole number from 0")
         # The order of three axes of an array, as a word.
-        self._axes = layout if layout in ("tnc", "tcn") else None
+        self._axes: Literal["tnc", "tcn"] | None = layout if layout in ("tnc", "tcn") else None
         self.layout = layout_of(None if self._axes else layout)
-        self.episode = episode
+        self.episode = number
         self._given = stream
         self._wanted = stream if stream is not None else self.layout.stream if self.layout else None
         self._from = "argument" if stream is not None else "layout" if self._wanted else "file"
@@ -151,9 +150,7 @@ class Recording:
             If frames is no whole number above 0, a layout is needed, or, while they are read, a frame is not as the
             layout says.
         """
-        if not isinstance(frames, int) or frames < 1:
-            raise DataError(f"frames: found {frames!r}; needed: a whole number above 0")
-        return self._chunks(map, frames)
+        return self._chunks(map, _frames(frames))
 
     def _chunks(self, map: Map | None, frames: int) -> Iterator[Readings]:
         join: Join | None = None
@@ -206,11 +203,11 @@ class Recording:
         Raises
         ------
         DataError
-            If the file has no raw numbers.
+            If the file has no raw numbers, or frames is no whole number above 0.
         """
         if self._container is None:
             raise DataError(f"{self.path}: found a file without raw numbers; needed: chunks, or Zarr, LeRobot, HDF5, a bag")
-        return ((block.episode, block.values) for block in self._of().blocks(frames, self.episode))
+        return ((block.episode, block.values) for block in self._of().blocks(_frames(frames), self.episode))
 
     def read(self, map: Map | None = None) -> Readings:
         """All readings; episodes one after the other, each with its own times.
@@ -382,8 +379,9 @@ class Recording:
             axis = self.layout.frame_axis if self.layout else 0
             if self.layout and "episode" in self.layout.axes:
                 raise DataError(f"{self.path}: found an axis 'episode' in the layout; needed: axes without it: only an array of numpy has one")
-            self._track = container.joined(self.layout) if self.layout else None
-            self._track = self._track or container.track(container.choose(self._wanted), axis)
+            joined: Track | None = container.joined(self.layout) if self.layout else None
+            self._track = joined or container.track(container.choose(self._wanted), axis)
+        assert self._track is not None
         return self._track
 
     def _new_decoder(self, zero: Any = None) -> Any:
@@ -395,6 +393,14 @@ class Recording:
 
             zero = np.zeros(track.cells)
         return layout.decoder(self.path, track.cells, stream=track.stream, says=_stated(track, layout), zero=zero)
+
+
+def _frames(given: Any) -> int:
+    """The most frames of a chunk."""
+    number = whole(given)
+    if number is None or number < 1:
+        raise DataError(f"frames: found {given!r}; needed: a whole number above 0")
+    return number
 
 
 def _stated(track: Track, layout: Any) -> dict[str, Any]:
@@ -414,13 +420,13 @@ def _stated(track: Track, layout: Any) -> dict[str, Any]:
     return says
 
 
-def layout_of(given: Any) -> Any:
+def layout_of(given: Layout | str | os.PathLike[str] | Mapping[str, Any] | None) -> Layout | None:
     """A layout, of a file, an object or a dict."""
     if given is None or isinstance(given, Layout):
         return given
     if isinstance(given, Mapping):
         try:
-            return Layout.parse(json.dumps(given))
+            return Layout.parse(json.dumps(given, default=_plain))
         except (TypeError, ValueError) as error:
             if isinstance(error, DataError):
                 raise
@@ -428,6 +434,13 @@ def layout_of(given: Any) -> Any:
     if isinstance(given, (str, os.PathLike)):
         return Layout.read(given)
     raise DataError(f"layout: found {type(given).__name__}; needed: a file, a Layout or a dict")
+
+
+def _plain(value: Any) -> Any:
+    """A number or an array of numpy as JSON has them."""
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    raise TypeError(f"a {type(value).__name__}")
 
 
 Recording.__module__ = "dermatome"

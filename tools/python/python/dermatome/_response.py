@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from dermatome._dermatome import Map, Response, estimate_response, examine_taxels, order_columns
-from dermatome._errors import A_MAP, READINGS, DataError, check_kind
+from dermatome._errors import A_MAP, READINGS, DataError, check_kind, whole_of
 
 if TYPE_CHECKING:
     import numpy as np
@@ -115,7 +115,7 @@ def examine(
     [('dead', [8])]
     """
     check_kind("modules", {} if modules is None else modules, Mapping, "a mapping of the id of each taxel to its module")
-    named = [] if modules is None else [(int(taxel), str(module)) for taxel, module in modules.items()]
+    named = [] if modules is None else [(whole_of("modules", taxel, "ids of taxels"), str(module)) for taxel, module in modules.items()]
     return examine_taxels(map, _arrays(map, readings), threshold=threshold, modules=named, zero=zero)
 
 
@@ -170,12 +170,12 @@ def order(
     check_kind("map", map, Map, A_MAP)
     check_kind("known", {} if known is None else known, Mapping, "a mapping of columns to the ids of their taxels")
     arrays = [_of_one(each) for _, each in _every(readings)]
-    pairs = [] if known is None else [(int(column), int(taxel)) for column, taxel in known.items()]
+    pairs = [] if known is None else [(whole_of("known", column, "numbers of columns"), whole_of("known", taxel, "ids of taxels")) for column, taxel in known.items()]
     return order_columns(map, arrays, known=pairs, threshold=threshold, zero=zero)
 
 
 def _arrays(map: Map, readings: Readings | Sequence[Readings]) -> list[_Arrays]:
-    arrays = []
+    arrays: list[_Arrays] = []
     for name, each in _every(readings):
         try:
             arrays.append(_of_one(each.on(map)))

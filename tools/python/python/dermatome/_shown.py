@@ -10,6 +10,7 @@ from typing import Any
 from dermatome._adapter import need
 from dermatome._dermatome import Map, Renderer, as_floats, colours
 from dermatome._errors import DataError
+from dermatome._whole import written
 
 # Frames that are drawn at once.
 AT_ONCE = 256
@@ -18,7 +19,7 @@ AT_ONCE = 256
 def table(map: Map) -> str:
     """The map as HTML: its picture, and the measures of each level."""
     heads = "".join(f"<th>{name}</th>" for name in ("patch", "link", "level", "fields", "distortion of angles", "of areas", "flips"))
-    rows = []
+    rows: list[str] = []
     for name, patch in map.patches.items():
         for level in patch.levels:
             worst = level.distortion
@@ -50,10 +51,10 @@ def video(renderer: Renderer, values: Any, path: Path, numbers: tuple[int, float
         range = (low, high if high > low else low + 1)
     is_gif = path.suffix.lower() == ".gif"
     options = {"mode": "I", "duration": 1000 / rate, "loop": 0} if is_gif else {"fps": rate, "macro_block_size": 1}
-    with imageio.get_writer(path, **options) as writer:
-        for part in images():
+    with written(path) as part, imageio.get_writer(part, **options) as writer:
+        for drawn in images():
             # Videos have even sides.
-            shown = colours(part, renderer.mask, range).repeat(magnification, axis=1).repeat(magnification, axis=2)
+            shown = colours(drawn, renderer.mask, range).repeat(magnification, axis=1).repeat(magnification, axis=2)
             odd = ((0, 0), (0, shown.shape[1] % 2), (0, shown.shape[2] % 2), (0, 0))
             for frame in np.pad(shown, odd, constant_values=255):
                 writer.append_data(frame)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import torch  # type: ignore[import-not-found, unused-ignore]
 
-from dermatome._dermatome import ContactTracker, Map, Renderer
+from dermatome._dermatome import ContactTracker, Map, Renderer, main_channel
 from dermatome._errors import DataError
 from dermatome._readings import Readings
 from dermatome._weights import marks, shares
@@ -29,7 +29,7 @@ class _Gather(torch.nn.Module):  # type: ignore[misc, unused-ignore]
     weights: torch.Tensor
 
     def __init__(self, rows: Any, columns: Any, weights: Any, shape: tuple[int, int]) -> None:
-        super().__init__()
+        super().__init__()  # pyright: ignore[reportUnknownMemberType]
         self.shape = (int(shape[0]), int(shape[1]))
         self.keep("rows", rows, np.int64)
         self.keep("columns", columns, np.int64)
@@ -187,7 +187,8 @@ class Touches(torch.utils.data.Dataset):  # type: ignore[misc, type-arg, unused-
     readings : Readings
         The recording, in the order of the map or with ids.
     truth : dict, optional
-        The contacts of these frames, as `touch` returns them, its `time` that of the frame; by default a `ContactTracker` finds them in channel 0.
+        The contacts of these frames, as `touch` returns them, its `time` that of the frame; by default a `ContactTracker` finds them in the first channel that
+        measures touches.
     level : int
         The level of the fields.
     size : sequence of int
@@ -197,7 +198,7 @@ class Touches(torch.utils.data.Dataset):  # type: ignore[misc, type-arg, unused-
     fill : float
         What is drawn where nothing is known.
     threshold : float, optional
-        That of the `ContactTracker`.
+        That of the `ContactTracker`; by default that of the file, or else estimated.
     actions : (T, A) array_like, optional
         What a policy did in each frame: `action` (A,) float32 of the sample.
     history : int
@@ -235,7 +236,9 @@ class Touches(torch.utils.data.Dataset):  # type: ignore[misc, type-arg, unused-
         if history < 1:
             raise DataError(f"history: found {history}; needed: a number of frames above 0")
         self.history, self.transform = int(history), transform
-        self.actions = None if actions is None else np.asarray(actions, dtype=np.float32).reshape(len(actions), -1)
+        self.actions: Any = None if actions is None else np.asarray(actions, dtype=np.float32)
+        if self.actions is not None:
+            self.actions = self.actions.reshape(len(self.actions), -1)
         if self.actions is not None and len(self.actions) != len(readings):
             raise DataError(f"actions: found {len(self.actions)} rows; needed: {len(readings)}, one for each frame")
         self.map, self.readings, self.level, self.patch, self.fill = map, readings.on(map), level, patch, fill
@@ -265,9 +268,9 @@ class Touches(torch.utils.data.Dataset):  # type: ignore[misc, type-arg, unused-
         """Some frames at once, which a loader asks for."""
         chosen = np.asarray([range(len(self))[int(frame)] for frame in frames], dtype=np.int64)
         # Each frame with those before it, of which every one is drawn once.
-        back = np.maximum(chosen[:, None] + np.arange(1 - self.history, 1), 0)
-        drawn, places = np.unique(back, return_inverse=True)
-        places = places.reshape(back.shape)
+        back: Any = np.maximum(chosen[:, None] + np.arange(1 - self.history, 1), 0)
+        drawn: Any = np.unique(back)
+        places = drawn.searchsorted(back)
         part = self.readings[drawn]
         images, fields = self._made()(part.values, threads=1), part.pooled(self.map, self.level, threads=1)
         mask, valid = np.isfinite(images), np.isfinite(fields)
@@ -334,9 +337,13 @@ def _truth(map: Map, readings: Readings, truth: dict[str, Any]) -> dict[str, Any
 
 def _tracked(map: Map, readings: Readings, threshold: float | None) -> dict[str, Any]:
     contacts, numbers = _blank(len(readings)), {name: number for number, name in enumerate(map.patches)}
-    tracker = ContactTracker(map, unit=readings.units[0] or "Pa", threshold=threshold)
-    for frame, values in enumerate(readings.values[:, 0]):
-        for contact in tracker.track(values):
+    channel = main_channel(readings.channels, readings.units)
+    unit = readings.units[channel] if readings.units else ""
+    threshold = readings.threshold if threshold is None else threshold
+    tracker = ContactTracker(map, unit=unit or "Pa", threshold=threshold, tared=readings.is_tared)
+    times = [time if np.isfinite(time) else None for time in readings.timestamps.tolist()]
+    for frame, (values, time) in enumerate(zip(readings.values[:, channel], times)):
+        for contact in tracker.track(values, time):
             if contact["event"] != "release":
                 force = contact["force"] if np.isfinite(contact["force"]) else contact["peak"]
                 _put(contacts, frame, float(force), contact["centre"], numbers[contact["patch"]])

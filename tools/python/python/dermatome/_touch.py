@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from dermatome._dermatome import Map, Skin, simulate_touch
-from dermatome._readings import Readings, _of
+from dermatome._readings import Readings, of_arrays
 
 
 def touch(
@@ -92,7 +92,7 @@ def touch(
         dead=dead,
         seed=seed,
     )
-    return _of(arrays), arrays["truth"]
+    return of_arrays(arrays), arrays["truth"]
 
 
 touch.__module__ = "dermatome"

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any, Literal
 
 from dermatome._dermatome import Map, Observations, Skin, contacts_of_log
-from dermatome._errors import READINGS, DataError, check_kind
+from dermatome._errors import READINGS, DataError, check_kind, number_of, whole_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Sequence
 
     from numpy.typing import ArrayLike
 
@@ -30,6 +30,7 @@ def touches(
     taxel_radius: float = 0.002,
     stiffness: float | None = None,
     arm_noise: float | None = None,
+    delay: float | Literal["auto"] = "auto",
     skip: Iterable[int] = (),
     threads: int = 0,
 ) -> tuple[Observations, dict[str, Any]]:
@@ -62,6 +63,8 @@ def touches(
         Pressure over depth, in Pa/m, if readings are forces or pressures, without a unit in N; by default it is estimated.
     arm_noise : float, optional
         Noise of the arm's position, in m per axis; by default it is estimated.
+    delay : float or "auto"
+        How late the readings are next to the poses, in s; "auto": estimated, and taken off beyond five standard deviations.
     skip : iterable of int
         Ids of taxels that are left out.
     threads : int
@@ -72,8 +75,8 @@ def touches(
     contacts : Observations
         What `calibrate` takes; `write` writes it to a table, and `remarks` are the notes of the command.
     summary : dict
-        How they were found: `frames`, `touches`, `taxels`, `contacts`, `fitted`, `left_out`, `arm_noise` (m), `reading_noise`,
-        `spacing` (m); docs/json.md explains them.
+        How they were found: `frames`, `touches`, `taxels`, `contacts`, `fitted`, `left_out`, `delay`, `delay_sigma`,
+        `delay_removed` (s), `arm_noise` (m), `reading_noise`, `spacing` (m); docs/json.md explains them.
 
     Raises
     ------
@@ -91,6 +94,13 @@ def touches(
     >>> contacts, summary["touches"]
     (<dermatome.Observations: 3 taxels, 0 displacements, 4 contacts>, 2)
     """
+    for name, number in (("radius", radius), ("stiffness", stiffness), ("arm_noise", arm_noise), ("threshold", threshold)):
+        if number is not None:
+            number_of(name, number, "a number, or None")
+    taxel_radius = number_of("taxel_radius", taxel_radius, "a length in m")
+    check_kind("link", link or "", str, "the name of a link")
+    check_kind("pose", pose or "", (str, os.PathLike), "a path")
+    check_kind("skip", skip, Iterable, "ids of taxels")
     if joints is not None and not isinstance(joints, (str, os.PathLike)):
         check_kind("joints", joints, Mapping, "a value for each joint by its name, or the path of a table")
     arguments = {
@@ -104,7 +114,8 @@ def touches(
         "taxel_radius": taxel_radius,
         "stiffness": stiffness,
         "arm_noise": arm_noise,
-        "skip": [int(taxel) for taxel in skip],
+        "delay": None if delay == "auto" else number_of("delay", delay, '"auto", or a number of seconds'),
+        "skip": [whole_of("skip", taxel, "ids of taxels") for taxel in skip],
         "threads": threads,
     }
     if threshold is not None and readings is None:

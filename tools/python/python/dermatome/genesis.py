@@ -38,6 +38,8 @@ def probes(
         If the map has no such patch or level, or the grid is no pair of numbers above 0.
     """
     np = need("numpy", "genesis")
+    points: Any
+    outward: Any
     of, whole = level_of(map, patch, level), patch_of(map, patch)
     size = float(np.sqrt(of.areas.mean() / np.pi)) if radius is None else radius
     if grid is None:

@@ -105,7 +105,8 @@ def frame(
     pooled = map.pool(values, level, extensive=extensive)
     known = np.isfinite(pooled)
     finite, valid = np.where(known, pooled, np.float32(0)), known.astype(np.float32)
-    made, names = {}, keys(map, level)
+    made: dict[str, Any] = {}
+    names = keys(map, level)
     for name, _, fields in fields_of(map, level):
         made[names[name]] = finite[fields].copy()
         made[f"{names[name]}.valid"] = valid[fields].copy()

@@ -176,7 +176,7 @@ def readings(data: Any, sensor: str | Map | Mapping[str, str], *, level: int = 0
         parts = [(name, len(of.areas)) for name, of, _ in fields_of(sensor, level)]
     else:
         parts = [(name, -1) for name in sensor.values()]
-    made = []
+    made: list[Any] = []
     for name, count in parts:
         felt = _felt(data, name)
         if count not in (-1, felt.shape[1]):
@@ -281,9 +281,10 @@ def _covered(mujoco: Any, model: Any, wanted: Sequence[str] | None, visual: bool
     assets = "".join(_mesh(model, mesh) for mesh in meshes)
     children: list[list[int]] = [[] for _ in names]
     for body in range(1, model.nbody):
-        children[model.body_parentid[body]].append(body)
+        children[int(model.body_parentid[body])].append(body)
 
-    lines, open_bodies = [], [(0, False)]
+    lines: list[str] = []
+    open_bodies = [(0, False)]
     while open_bodies:
         body, is_done = open_bodies.pop()
         if is_done:

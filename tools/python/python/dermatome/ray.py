@@ -11,6 +11,7 @@ from dermatome._adapter import need
 from dermatome._dermatome import Index, Layout, Map
 from dermatome._errors import DataError, Error, FileError
 from dermatome._readings import Readings
+from dermatome._whole import written
 
 __all__ = ["Lookup", "Render", "episodes", "total", "touch_counts"]
 
@@ -153,15 +154,9 @@ class Render:
             return said | {"error": str(error)}
         first = parts[0]
         arrays = {"values": np.concatenate([self._values(part) for part in parts]), "timestamps": np.concatenate([part.timestamps for part in parts])}
-        # Another worker may write the same episode: each writes a file of its own.
-        part = file.with_name(f".{file.name}.{os.getpid()}.part")
-        try:
-            with part.open("wb") as written:
-                np.savez(written, **arrays, channels=np.array(first.channels), units=np.array(first.units))
-            part.replace(file)
-        except OSError as error:
-            part.unlink(missing_ok=True)
-            raise FileError(f"{file}: cannot be written: {error}", "io") from error
+        # Another worker may write the same episode.
+        with written(file) as part:
+            np.savez(part, **arrays, channels=np.array(first.channels), units=np.array(first.units))
         return said | {"frames": len(arrays["timestamps"])}
 
     def _episode(self, row: dict[str, Any]) -> Any:

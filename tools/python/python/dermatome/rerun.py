@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from dermatome._adapter import fields_of, need
-from dermatome._dermatome import Map
+from dermatome._dermatome import Map, main_channel
 from dermatome._readings import Readings
 
 __all__ = ["log"]
 
 
 def log(
-    map: Map, readings: Readings | None = None, *, level: int = 0, entity: str = "skin", channel: int = 0, limit: float | None = None
+    map: Map, readings: Readings | None = None, *, level: int = 0, entity: str = "skin", channel: int | None = None, limit: float | None = None
 ) -> None:
     """Log every patch of a map where its link is, and one channel of a recording on it.
 
@@ -22,6 +20,8 @@ def log(
         The level; a patch without it is logged on its coarsest level.
     readings : Readings, optional
         The recording, in the order of the map or with ids.
+    channel : int, optional
+        The channel that is shown; by default the first that measures touches.
     limit : float, optional
         The reading that is brightest; by default the largest.
 
@@ -45,6 +45,7 @@ def log(
     if readings is None:
         return
     readings = readings.on(map)
+    channel = main_channel(readings.channels, readings.units) if channel is None else channel
     values = map.pool(readings.values[:, channel], level, extensive=readings.extensive[channel])
     top = limit or float(np.nanmax(np.abs(values), initial=0.0)) or 1.0
     for frame, row in enumerate(values):

@@ -6,16 +6,18 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
 from dermatome._adapter import fields_of, level_of, need, patch_of
-from dermatome._dermatome import Map
+from dermatome._dermatome import Map, main_channel
 from dermatome._errors import A_MAP, READINGS, DataError, FileError, MissingFileError, check_kind
-from dermatome._messages import DEFINITIONS, Wanted, field_of, kind_of, numbers_of, points_of
+from dermatome._messages import Wanted, field_of, kind_of, numbers_of, points_of
 from dermatome._readings import Readings
+from dermatome._whole import written
+from dermatome.recordings.ros import open_bag
 
 __all__ = ["read", "write"]
 
@@ -82,8 +84,11 @@ def read(
         raise DataError(f"stamp: found {stamp!r}; needed: 'header', 'bag' or None")
     np = need("numpy", "ros")
     frames: list[Any] = []
-    at, recorded = [], []
-    for message, time in _messages(path, topic, definitions):
+    kind = ""
+    at: list[float] = []
+    recorded: list[int] = []
+    for time, message in _messages(path, topic, definitions):
+        kind = kind_of(message)
         own = ids(message) if callable(ids) else _named_ids(message, ids) if isinstance(ids, str) else ids
         own = None if own is None else np.asarray(own).ravel()
         made = numbers_of(message, map, map.n_taxels if own is None else len(own), values)
@@ -98,7 +103,7 @@ def read(
         head = getattr(getattr(message, "header", None), "stamp", None)
         at.append(np.nan if head is None else head.sec + 1e-9 * head.nanosec)
         recorded.append(time)
-    times, remarks = _times(np.array(at), np.array(recorded), stamp, kind_of(message))
+    times, remarks = _times(np.array(at), np.array(recorded), stamp, kind)
     array, columns = _joined(frames)
     names = frames[0].names if channels is None else channels
     readings = Readings.from_arrays(array, ids=columns, timestamps=times, channels=names, units=units)
@@ -110,44 +115,17 @@ def _named_ids(message: Any, name: str) -> Any:
     return points_of(message, [name]).values[0].astype(int) if hasattr(message, "point_step") else field_of(message, name)
 
 
-def _messages(path: Any, topic: str, definitions: Mapping[str, str] | None) -> Any:
+def _messages(path: Any, topic: str, definitions: Mapping[str, str] | None) -> Iterator[tuple[int, Any]]:
     """The messages of a topic and when they were recorded, in ns."""
-    highlevel, typesys = need("rosbags.highlevel", "ros"), need("rosbags.typesys", "ros")
     if not Path(path).exists():
         raise MissingFileError(f"{path}: found nothing; needed: a bag", "missing")
-    store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+    bag = open_bag(path, definitions)
     try:
-        for kind, text in {**DEFINITIONS, **(definitions or {})}.items():
-            store.register(typesys.get_types_from_msg(text, kind))
-    except Exception as error:  # Each of the parsers of rosbags has its own.
-        raise DataError(f"definitions: found {kind!r} that cannot be read: {error}") from error
-    try:
-        bag = highlevel.AnyReader([Path(path)], default_typestore=store)
-        bag.open()
-    except Exception as error:
-        raise FileError(f"{path}: found no bag that can be read: {error}; needed: a folder with metadata.yaml, .mcap or .bag", "bag") from error
-    try:
-        connections = [known for known in bag.connections if known.topic == topic]
-        if not connections:
-            known = sorted({each.topic for each in bag.connections})
-            raise DataError(f"topic: found {topic!r}; needed: one of {known}")
-        number = -1
-        messages = bag.messages(connections=connections)
-        while True:
-            number += 1
-            try:
-                connection, time, raw = next(messages)
-                message = bag.deserialize(raw, connection.msgtype)
-            except StopIteration:
-                break
-            except KeyError as error:
-                needed = f"definitions={{{connection.msgtype!r}: ...}}, which the bag has not"
-                raise DataError(f"topic: found messages of {connection.msgtype}; needed: {needed}") from error
-            except Exception as error:
-                raise FileError(f"{path}: message {number} of {topic} cannot be read: {error}", "bag") from error
-            yield message, time
-        if not number:
-            raise DataError(f"topic: found no message of {topic!r}; needed: at least one")
+        counts = bag.topics()
+        if not counts.get(topic):
+            found = "no message of " if topic in counts else ""
+            raise DataError(f"topic: found {found}{topic!r}; needed: one of {sorted(name for name, count in counts.items() if count)}")
+        yield from bag.messages(topic)
     finally:
         bag.close()
 
@@ -200,7 +178,7 @@ def _refuse_fields(map: Map, ids: Any, count: int) -> None:
 
 
 def write(
-    path: Any, map: Map, readings: Readings, *, level: int = 0, patch: str | None = None, channel: int = 0, topic: str = "/skin"
+    path: Any, map: Map, readings: Readings, *, level: int = 0, patch: str | None = None, channel: int | None = None, topic: str = "/skin"
 ) -> None:
     """Write images (`TOPIC/image`, 32FC1) and points with values (`TOPIC/points`) of a recording to a bag of ROS 2.
 
@@ -216,8 +194,8 @@ def write(
         The level; a patch without it has its coarsest level.
     patch : str, optional
         The patch; by default all of them, in topics `TOPIC/PATCH/image` and `TOPIC/PATCH/points` if there are several.
-    channel : int
-        The channel.
+    channel : int, optional
+        The channel; by default the first that measures touches.
 
     Raises
     ------
@@ -234,6 +212,7 @@ def write(
     check_kind("map", map, Map, A_MAP)
     check_kind("readings", readings, Readings, READINGS)
     readings = readings.on(map)
+    channel = main_channel(readings.channels, readings.units) if channel is None else channel
     if not -len(readings.channels) <= channel < len(readings.channels):
         raise DataError(f"channel: found {channel}; needed: one of {len(readings.channels)}")
     values, extensive = readings.values[:, channel], readings.extensive[channel]
@@ -243,16 +222,13 @@ def write(
     stamps = _stamps(readings.timestamps)
     if Path(path).exists():
         raise FileError(f"{path}: found a file or folder; needed: the name of a new folder", "exists")
-    try:
-        with rosbag2.Writer(Path(path), version=9) as writer:
-            for name, prefix in zip(names, _prefixes(topic, names)):
-                of = level_of(map, name, level)
-                renderer = map.renderer(of.number, patch=name, extensive=extensive)
-                frame = map.patches[name].link
-                _write_images(writer, store, f"{prefix}/image", frame, stamps, renderer(values)[:, 0])
-                _write_points(writer, store, f"{prefix}/points", frame, stamps, of, np.ascontiguousarray(pooled[:, fields[name]]))
-    except OSError as error:
-        raise FileError(f"{path}: cannot be written: {error}", "io") from error
+    with written(path) as part, rosbag2.Writer(part, version=9) as writer:
+        for name, prefix in zip(names, _prefixes(topic, names)):
+            of = level_of(map, name, level)
+            renderer = map.renderer(of.number, patch=name, extensive=extensive)
+            frame = map.patches[name].link
+            _write_images(writer, store, f"{prefix}/image", frame, stamps, renderer(values)[:, 0])
+            _write_points(writer, store, f"{prefix}/points", frame, stamps, of, np.ascontiguousarray(pooled[:, fields[name]]))
 
 
 def _prefixes(topic: str, names: list[str]) -> list[str]:

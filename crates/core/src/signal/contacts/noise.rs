@@ -13,14 +13,18 @@
 //! readings at rest are not zero, so each taxel's mean over these frames counts as its zero, unless readings are about 0
 //! at rest already ([`Rest::AtZero`]).
 //!
+//! Zeros that are followed begin in these frames, too: reading `k` is less the mean of the first `k`, and so has the variance
+//! `1 - 1/k`. All readings of the first frame are then 0, which shows it ([`restore`]); without that the noise of five frames
+//! comes out as 0.74 of what it is.
+//!
 //! The frames must be at rest. Where readings are not about 0, three taxels next to each other whose readings move
 //! together, much more than from frame to frame, show that they are not ([`is_moving`]), which is said. Where readings are
 //! about 0, two such taxels far above 0 show it ([`is_loaded`]): then the noise is that of the readings below 0.
 
 use crate::id::{IdVec, VertexId};
-use crate::numeric::{Csr, quantile};
+use crate::numeric::{Csr, median, quantile};
 use crate::signal::contacts::Rest;
-use crate::signal::noise::QUIETER_SHARE;
+use crate::signal::noise::{QUANTISATION, QUIETER_SHARE};
 use crate::signal::{Frame, TrackerOptions};
 use crate::skin::PatchId;
 
@@ -35,6 +39,11 @@ const SHARE_OF_REST: f64 = 1e-6;
 /// A taxel moves if the variance of its readings is this many times that which their differences from frame to frame
 /// show; of five frames of noise one in a hundred has that, of a steady rise the ratio is 5.
 const MOVES: f64 = 3.0;
+
+/// A taxel jumps if the largest difference of two successive readings is this many times the size of its others, and of those of
+/// most taxels. Three that are next to each other do so in one frame in none of 8000 recordings of five frames of uneven normal
+/// noise on 640 taxels, and in one of 2000 of noise with heavy tails (Student's t, 3 degrees of freedom).
+const JUMPS: f64 = 6.0;
 
 /// A taxel is loaded if its mean is above this many times its noise.
 const LOADED: f64 = 6.0;
@@ -106,6 +115,9 @@ impl Threshold {
         let noise = if is_about_zero && is_loaded(kept, neighbours) {
             noise_below_zero(kept)
         } else {
+            if is_about_zero {
+                restore(kept, taxels);
+            }
             noise(kept, frames, taxels)
         };
         *self = Self::Known(if noise > 0.0 {
@@ -125,6 +137,23 @@ fn mean(kept: &[f64], taxel: usize, taxels: usize) -> f64 {
     if count > 0.0 { sum / count } else { 0.0 }
 }
 
+/// Adds to each reading the zero that was subtracted, up to that of the first frame, where zeros are the means of all frames so
+/// far: the first frame, of which all readings are exactly 0, shows it.
+fn restore(kept: &mut [f64], taxels: usize) {
+    if kept.iter().take(taxels).any(|x| x.is_finite() && *x != 0.0) {
+        return;
+    }
+    for taxel in 0..taxels {
+        let (mut count, mut mean) = (0.0, 0.0);
+        for x in kept.iter_mut().skip(taxel).step_by(taxels).filter(|x| x.is_finite()) {
+            count += 1.0;
+            // `x` is less the mean that it belongs to, which has moved by `x / (count - 1)`.
+            mean += if count > 1.0 { *x / (count - 1.0) } else { 0.0 };
+            *x += mean;
+        }
+    }
+}
+
 /// Mean and variance of the readings of a taxel, the variance that differences from frame to frame show, and how far the
 /// last reading is from the first.
 fn spread(kept: &[f64], taxel: usize, taxels: usize) -> [f64; 4] {
@@ -137,7 +166,7 @@ fn spread(kept: &[f64], taxel: usize, taxels: usize) -> [f64; 4] {
     [mean, variance, 0.5 * differences / (count - 1.0), moved]
 }
 
-/// Whether three taxels next to each other move together.
+/// Whether three taxels next to each other move together: steadily, or in one and the same frame.
 fn is_moving(kept: &[f64], neighbours: &Csr<u32>) -> bool {
     let taxels = neighbours.len();
     let direction = |taxel: usize| {
@@ -145,8 +174,51 @@ fn is_moving(kept: &[f64], neighbours: &Csr<u32>) -> bool {
         if variance > MOVES * of_noise { moved } else { 0.0 }
     };
     let moved: Vec<f64> = (0..taxels).map(direction).collect();
-    let is_with = |k: usize, other: u32| moved[other as usize] * moved[k] > 0.0;
+    let jumps: Vec<Jump> = (0..taxels).map(|taxel| Jump::of(kept, taxel, taxels)).collect();
+    let usual = median(jumps.iter().map(|jump| jump.others)).unwrap_or(f64::NAN);
+    let digit = jumps.iter().map(|jump| jump.least).fold(f64::INFINITY, f64::min);
+    let usual =
+        usual.max(if digit.is_finite() { std::f64::consts::SQRT_2 * QUANTISATION * digit } else { 0.0 });
+    let jumped = |jump: &Jump| jump.by.abs() > JUMPS * jump.others.max(usual);
+    let is_with = |k: usize, other: u32| {
+        let [own, other_jump] = [k, other as usize].map(|taxel| &jumps[taxel]);
+        moved[other as usize] * moved[k] > 0.0
+            || (own.frame == other_jump.frame
+                && own.by * other_jump.by > 0.0
+                && jumped(own)
+                && jumped(other_jump))
+    };
     (0..taxels).any(|k| neighbours[k].iter().filter(|&&other| is_with(k, other)).count() >= 2)
+}
+
+/// The largest difference of two successive readings of a taxel that has three or more.
+#[derive(Debug, Clone, Copy)]
+struct Jump {
+    /// How many readings are before it.
+    frame: usize,
+    by: f64,
+    /// The root mean square of the others.
+    others: f64,
+    /// The smallest difference other than 0; infinite without any.
+    least: f64,
+}
+
+impl Jump {
+    fn of(kept: &[f64], taxel: usize, taxels: usize) -> Self {
+        let of_taxel = || kept.iter().skip(taxel).step_by(taxels).copied().filter(|x| x.is_finite());
+        let differences = || of_taxel().zip(of_taxel().skip(1)).map(|(a, b)| b - a);
+        let least = differences().map(f64::abs).filter(|d| *d > 0.0).fold(f64::INFINITY, f64::min);
+        let count = differences().count();
+        if count < 3 {
+            return Self { frame: 0, by: 0.0, others: f64::NAN, least };
+        }
+        let larger =
+            |most: (usize, f64), next: (usize, f64)| if next.1.abs() > most.1.abs() { next } else { most };
+        let (frame, by) = (1..).zip(differences()).fold((0, 0.0), larger);
+        let squares: f64 = differences().map(|d| d * d).sum();
+        let others = ((squares - by * by).max(0.0) / (count as f64 - 1.0)).sqrt();
+        Self { frame, by, others, least }
+    }
 }
 
 /// Whether two taxels next to each other are far above 0.
@@ -218,6 +290,36 @@ mod tests {
             assert!((found - expected).abs() < 1e-3, "{found} is not {expected}");
         }
         assert!((6.0..7.5).contains(&quantiles(5, 642)), "{}", quantiles(5, 642));
+    }
+
+    /// Zeros that are the means of all frames so far hide a quarter of the noise of five frames.
+    #[test]
+    fn noise_is_the_same_where_zeros_are_followed() {
+        let (frames, taxels) = (5, 40);
+        let mut random = Random::new(8, 0);
+        let raw: Vec<f64> = (0..frames * taxels)
+            .map(|k| if k == 7 { f64::NAN } else { 100.0 + 2.5 * random.normal() })
+            .collect();
+        let of_taxel = |taxel: usize, last: usize| raw[..=last].iter().skip(taxel).step_by(taxels).copied();
+        let mut followed: Vec<f64> = (0..raw.len())
+            .map(|k| {
+                let known = of_taxel(k % taxels, k).filter(|x| x.is_finite());
+                let (sum, count) = known.fold((0.0, 0.0), |(sum, count), x| (sum + x, count + 1.0));
+                raw[k] - sum / count
+            })
+            .collect();
+        let (needed, hidden) = (noise(&raw, frames, taxels), noise(&followed, frames, taxels));
+        assert!(hidden < 0.8 * needed, "{hidden} of {needed}");
+        restore(&mut followed, taxels);
+        let found = noise(&followed, frames, taxels);
+        assert!((found / needed - 1.0).abs() < 1e-9, "{found} is not {needed}");
+        let mut tared: Vec<f64> = raw.iter().map(|x| x - 100.0).collect();
+        let before = tared.clone();
+        restore(&mut tared, taxels);
+        assert_eq!(
+            before.iter().map(|x| x.to_bits()).collect::<Vec<_>>(),
+            tared.iter().map(|x| x.to_bits()).collect::<Vec<_>>()
+        );
     }
 
     #[test]

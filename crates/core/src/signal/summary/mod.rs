@@ -14,7 +14,7 @@ mod totals;
 
 use std::collections::BTreeMap;
 
-use crate::body::{BodyRows, BodyTaxel};
+use crate::body::{BodyTaxel, FieldLevel};
 use crate::id::{IdVec, VertexId};
 use crate::map::{RegionId, Regions, SkinMap};
 use crate::pyramid::{LevelId, Prolongation};
@@ -39,7 +39,7 @@ pub enum Group {
     Patch(PatchId),
     /// The taxels of a named region.
     Region(RegionId),
-    /// The taxels of a field of a level of the whole body, each by its weight.
+    /// The taxels of a field of a level of the whole body, or of a modality, each by its weight.
     Field(VertexId),
     /// The taxels of a contact, by its track; they differ from frame to frame.
     Contact(u64),
@@ -89,18 +89,18 @@ pub struct Summary {
     link_places: IdVec<LinkId, Option<usize>>,
     totals: Vec<Totals>,
     contacts: BTreeMap<u64, (PatchId, Totals)>,
-    /// The level of the whole body whose fields are among the groups, if one is asked for.
+    /// The level without a mesh whose fields are among the groups, if one is asked for.
     fields: Option<Fields>,
     /// Of patches and regions, if they are asked for.
     steps: Option<Steps>,
     gaps: usize,
 }
 
-/// The fields of a level of the whole body.
+/// The fields of a level of the whole body, or of a modality.
 #[derive(Debug, Clone)]
 struct Fields {
-    level: LevelId,
-    rows: IdVec<PatchId, Prolongation>,
+    at: FieldLevel,
+    rows: IdVec<PatchId, Option<Prolongation>>,
     /// The place of the first one among the groups.
     first: usize,
     /// Their numbers, and their regions.
@@ -162,7 +162,7 @@ impl Summary {
                     self.loads[first_region + region.index()].1.merge(&load);
                 }
                 if let Some(Fields { first, rows, .. }) = &self.fields {
-                    for (field, weight) in rows[patch].row(taxel) {
+                    for (field, weight) in rows[patch].iter().flat_map(|rows| rows.row(taxel)) {
                         self.loads[first + field.index()].1.merge(&load.share(weight));
                     }
                 }
@@ -207,24 +207,24 @@ impl Summary {
         }
     }
 
-    /// From now on also adds up the fields of a level of the whole body: a taxel counts in each by its weight, so that
-    /// forces and areas of the fields add up to those of the whole skin.
+    /// From now on also adds up the fields of a level of the whole body, or of a modality: a taxel counts in each by its
+    /// weight, so that forces and areas of the fields add up to those of the whole skin, or of the patches with sensors.
     ///
     /// # Panics
-    /// If the map is another one, or does not have the level.
-    pub fn follow_fields(&mut self, map: &SkinMap, level: LevelId) {
-        let BodyRows(mut rows) = map.body_rows();
-        let (rows, first) = (std::mem::take(&mut rows[level]), self.loads.len());
-        let regions = self.regions.of_body_level(&rows);
+    /// If the map is another one.
+    pub fn follow_fields(&mut self, map: &SkinMap, at: FieldLevel) {
+        let (rows, first) = (map.field_rows(at), self.loads.len());
+        let regions = self.regions.of_fields(&rows);
         let name = |(field, region): (VertexId, &Option<RegionId>)| match region {
             Some(region) => format!("{field} {}", self.regions.names[*region]),
             None => field.to_string(),
         };
         let names: IdVec<VertexId, String> = regions.enumerate().map(name).collect();
         let mut totals: IdVec<VertexId, Totals> = names.map(|_| Totals::default());
-        for (patch, rows) in map.patches.iter().zip(&rows) {
-            for (taxel, presence) in patch.taxels.presence.enumerate() {
-                for (field, weight) in rows.row(taxel).filter(|_| presence.reads_pressure()) {
+        for ((patch, rows), is_read) in map.patches.iter().zip(&rows).zip(&self.channel.taxels(map)) {
+            let Some(rows) = rows else { continue };
+            for (taxel, _) in is_read.enumerate().filter(|(_, is_read)| **is_read) {
+                for (field, weight) in rows.row(taxel) {
                     totals[field].taxels += 1;
                     totals[field].area += weight * patch.taxels.areas[taxel];
                 }
@@ -232,12 +232,12 @@ impl Summary {
         }
         self.loads.extend(names.ids().map(|field| (Group::Field(field), Load::default())));
         self.totals.extend(totals);
-        self.fields = Some(Fields { level, rows, first, names });
+        self.fields = Some(Fields { at, rows, first, names });
     }
 
-    /// The level of the whole body that is [followed](Self::follow_fields).
-    pub fn field_level(&self) -> Option<LevelId> {
-        self.fields.as_ref().map(|fields| fields.level)
+    /// The level that is [followed](Self::follow_fields).
+    pub fn field_level(&self) -> Option<FieldLevel> {
+        self.fields.as_ref().map(|fields| fields.at)
     }
 
     /// From now on also follows each loading of a patch or a region.
@@ -317,10 +317,11 @@ impl Summary {
         [patch.into(), link.into(), name]
     }
 
-    /// Counts the working taxels of each group, and their areas.
+    /// Counts the taxels of each group that the channel [is of](Channel::taxels), and their areas.
     fn count_taxels(&mut self, map: &SkinMap) {
+        let is_read = self.channel.taxels(map);
         for (id, patch) in map.patches.enumerate() {
-            for (taxel, presence) in patch.taxels.presence.enumerate() {
+            for (taxel, is_read) in is_read[id].enumerate() {
                 let region = self.regions.of_taxels[id][taxel];
                 for (totals, (group, _)) in self.totals.iter_mut().zip(&self.loads) {
                     let is_in = match *group {
@@ -330,7 +331,7 @@ impl Summary {
                         Group::Region(of) => Some(of) == region,
                         Group::Field(_) | Group::Contact(_) => false,
                     };
-                    if is_in && presence.reads_pressure() {
+                    if is_in && *is_read {
                         totals.taxels += 1;
                         totals.area += patch.taxels.areas[taxel];
                     }

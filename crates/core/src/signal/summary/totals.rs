@@ -9,7 +9,7 @@ use crate::skin::PatchId;
 /// What a group of taxels felt in all frames; `None` where there was nothing to measure, or no times.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Totals {
-    /// Number of working taxels; 0 of a contact.
+    /// Number of taxels that the channel is of; 0 of a contact.
     pub taxels: usize,
     /// Their area, in m^2.
     pub area: f64,

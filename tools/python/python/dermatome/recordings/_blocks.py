@@ -52,7 +52,7 @@ class Zeros:
     def __init__(self, path: str, layout: Any) -> None:
         self.path, self.name, self.each = path, layout.zero_stream, False
         self.zero: Any = None
-        self.missing = json.loads(layout.text).get("missing") or []
+        self.missing: list[Any] = json.loads(layout.text).get("missing") or []
 
     def __call__(self, block: Any) -> Any:
         import numpy as np

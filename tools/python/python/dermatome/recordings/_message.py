@@ -7,6 +7,7 @@ from typing import Any
 
 from dermatome._adapter import need
 from dermatome._errors import DataError
+from dermatome._kinds import is_list
 from dermatome._messages import NOT_READ, arrays_in, field_of, kind_of, pixels_of, table_of
 
 # Units of messages whose definition gives them.
@@ -28,16 +29,15 @@ class Frame:
     units: list[str] | None = None
     # Positions of points.
     points: Any = None
-    said: dict[str, str] = field(default_factory=dict)
+    said: dict[str, str] = field(default_factory=lambda: {})
 
 
 def frame_of(message: Any, wanted: str) -> Frame:
     """The numbers of a message, or of one of its fields, sensors or fields of points."""
     if hasattr(message, "point_step"):
         return _cloud(message, wanted)
-    sensors = getattr(message, "sensors", None) or (getattr(message, "channels", None) if hasattr(message, "points") else None)
-    if isinstance(sensors, list) and sensors and hasattr(sensors[0], "values") and hasattr(sensors[0], "name"):
-        return _sensors(message, sensors, wanted)
+    if sensors := sensors_of(message):
+        return _sensors(sensors, wanted)
     if hasattr(message, "wrench"):
         return _wrench(message.wrench, wanted.removeprefix("wrench").removeprefix("."))
     if hasattr(message, "force") and hasattr(message, "torque"):
@@ -56,19 +56,26 @@ def frame_of(message: Any, wanted: str) -> Frame:
     raise DataError(f"found {kind_of(message)}; needed: one of its fields {list(fields)} behind the topic and a point")
 
 
+def sensors_of(message: Any) -> list[Any]:
+    """The sensors of a TactileState, or the channels of a PointCloud, each with a name and values; else none."""
+    sensors = getattr(message, "sensors", None) or (getattr(message, "channels", None) if hasattr(message, "points") else None)
+    if is_list(sensors) and sensors and hasattr(sensors[0], "values") and hasattr(sensors[0], "name"):
+        return sensors
+    return []
+
+
 def fields_of_message(message: Any) -> dict[str, tuple[int, ...]]:
     """The streams of a message and their shapes; the name is empty where it is the message itself."""
     if hasattr(message, "point_step"):
         known = [name for name in table_of(message).dtype.names or () if not NOT_READ.match(name)]
         return {(name if len(known) > 1 else ""): _cloud(message, name).values.shape for name in known}
-    sensors = getattr(message, "sensors", None) or (getattr(message, "channels", None) if hasattr(message, "points") else None)
-    if isinstance(sensors, list) and sensors and hasattr(sensors[0], "values"):
-        names = [sensor.name for sensor in sensors]
+    if sensors := sensors_of(message):
+        names: list[str] = [sensor.name for sensor in sensors]
         return {(name if len(names) > 1 else ""): (len(sensor.values),) for name, sensor in zip(names, sensors)}
     known_type = hasattr(message, "wrench") or (hasattr(message, "encoding") and hasattr(message, "step"))
     if known_type or (hasattr(message, "layout") and hasattr(message, "data")):
         return {"": frame_of(message, "").values.shape}
-    made = {}
+    made: dict[str, tuple[int, ...]] = {}
     for name in arrays_in(message):
         try:
             made[name] = _field(message, field_of(message, name), name).values.shape
@@ -97,7 +104,7 @@ def _field(message: Any, found: Any, name: str) -> Frame:
 
 def _cloud(message: Any, wanted: str) -> Frame:
     np, points = need("numpy", "ros"), table_of(message)
-    names = list(points.dtype.names or ())
+    names: list[str] = list(points.dtype.names or ())
     known = [name for name in names if not NOT_READ.match(name)]
     if wanted and wanted not in names:
         raise DataError(f"found no field {wanted!r} of the points; needed: one of {names}")
@@ -112,7 +119,7 @@ def _cloud(message: Any, wanted: str) -> Frame:
     return made
 
 
-def _sensors(message: Any, sensors: list[Any], wanted: str) -> Frame:
+def _sensors(sensors: list[Any], wanted: str) -> Frame:
     np = need("numpy", "ros")
     names = [sensor.name for sensor in sensors]
     if len(set(names)) != len(names):

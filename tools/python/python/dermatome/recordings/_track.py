@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from dermatome._errors import DataError, Error, FileError
+from dermatome._kinds import is_mapping
 
 # The most bytes of a frame, and of a piece of a file that is decoded at once. Chunks of real files have some MB.
 MOST_BYTES = 1 << 28
@@ -50,8 +51,8 @@ class Track(ABC):
     cells: tuple[int, ...]
     dtype: str
     episodes: tuple[int, ...]
-    says: dict[str, Any] = field(default_factory=dict)
-    statements: list[tuple[str, str, str]] = field(default_factory=list)
+    says: dict[str, Any] = field(default_factory=lambda: {})
+    statements: list[tuple[str, str, str]] = field(default_factory=lambda: [])
 
     @abstractmethod
     def blocks(self, frames: int, episode: int | None = None, time: str | None = None, zero: str | None = None) -> Iterator[Block]:
@@ -137,12 +138,12 @@ def read_json(path: str, data: bytes, what: str) -> dict[str, Any]:
     if len(data) > MOST_JSON:
         raise FileError(f"{path}: {what}: found {len(data)} bytes or more; needed: at most {MOST_JSON}", "too-large")
     try:
-        found = json.loads(data)
+        found: Any = json.loads(data)
     except (ValueError, RecursionError) as error:
         raise FileError(f"{path}: {what}: found no JSON: {error}; needed: the file as it was written", "json") from None
-    if not isinstance(found, dict):
+    if not is_mapping(found):
         raise FileError(f"{path}: {what}: found {type(found).__name__}; needed: an object", "json")
-    return found
+    return dict(found)
 
 
 def bytes_of(path: Path, most: int) -> bytes:
@@ -156,15 +157,15 @@ def bytes_of(path: Path, most: int) -> bytes:
 
 def sizes(path: str, what: str, given: Any, item: int = 1) -> tuple[int, ...]:
     """A shape in a file: whole numbers from 0, of a number of items that can be counted."""
-    good = isinstance(given, (list, tuple)) and all(isinstance(n, int) and not isinstance(n, bool) and n >= 0 for n in given)
-    if not good:
+    numbers: list[Any] = [*given] if isinstance(given, (list, tuple)) else [None]
+    if not all(isinstance(n, int) and not isinstance(n, bool) and n >= 0 for n in numbers):
         raise DataError(f"{path}: {what}: found the shape {given!r}; needed: whole numbers from 0")
     total = item
-    for n in given:
+    for n in numbers:
         total *= max(n, 1)
     if total >= 1 << 62:
-        raise DataError(f"{path}: {what}: found the shape {tuple(given)}; needed: fewer than 2^62 bytes")
-    return tuple(given)
+        raise DataError(f"{path}: {what}: found the shape {tuple(numbers)}; needed: fewer than 2^62 bytes")
+    return tuple(numbers)
 
 
 def small_enough(path: str, what: str, shape: tuple[int, ...], item: int) -> int:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from dermatome._dermatome import Map
 from dermatome._errors import DataError
+from dermatome._kinds import is_mapping
 
 if TYPE_CHECKING:
     import numpy as np
@@ -34,12 +34,13 @@ def area_numbers(map: Map, areas: Any) -> NDArray[np.int64]:
     """The area of each taxel of a map, -1 for none: of its patch, as given, or by the name of its region."""
     import numpy as np
 
+    numbers: NDArray[Any]
     if areas is None:
         known = [AREAS.index(name) if name in AREAS else -1 for name in map.regions]
         if not any(number >= 0 for number in known):
             raise DataError(f"areas: found none, and the regions {list(map.regions)[:10]}; needed: areas, or regions named as {list(AREAS[:7])}, ...")
         numbers = np.array([*known, -1])[map.region_of]
-    elif isinstance(areas, Mapping):
+    elif is_mapping(areas):
         wrong = [patch for patch in areas if patch not in map.patches]
         if wrong:
             raise DataError(f"areas: found the patch {wrong[0]!r}; needed: one of {list(map.patches)[:10]}")

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dermatome._errors import Error
 from dermatome._readings import Readings
+from dermatome._whole import written
 from dermatome.recordings import is_container
 
 if TYPE_CHECKING:
@@ -56,7 +56,11 @@ def draft(args: Sequence[str]) -> int | None:
     except (Error, ImportError) as error:
         return _refused(str(error))
     if len(rest) == 2 and rest[0] in OUTPUTS:
-        Path(rest[1]).write_text(text, encoding="utf-8")
+        try:
+            with written(rest[1]) as part:
+                part.write_text(text, encoding="utf-8")
+        except Error as error:
+            return _refused(str(error))
     elif rest:
         return _refused(f"found {' '.join(rest)}; needed: -o, the layout that is written")
     else:

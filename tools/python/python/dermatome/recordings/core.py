@@ -84,9 +84,9 @@ def draft_of_array(path: str) -> str:
     import numpy as np
 
     try:
-        array = np.load(path, mmap_mode="r")
+        array: Any = np.load(path, mmap_mode="r")
     except (OSError, ValueError) as error:
         raise DataError(f"{path}: found no array: {error}; needed: a layout") from error
-    if not isinstance(array, np.ndarray) or not array.ndim:
+    if not getattr(array, "ndim", 0):
         raise DataError(f"{path}: found several arrays; needed: a layout that names one as `stream`")
     return Layout.draft(path, array.shape[1:])

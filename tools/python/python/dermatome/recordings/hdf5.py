@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +14,10 @@ from dermatome._adapter import need
 from dermatome._errors import DataError, FileError
 from dermatome.recordings._track import TIME_NAMES, Block, Container, Track, chosen, matching, sizes, small_enough
 
-# Names of numbers and attributes that say how many frames a second there are.
-RATES = ("rate", "fps", "frequency", "rate_hz")
+# Names of numbers and attributes that say how many frames a second there are, in small letters.
+RATES = ("rate", "rate_hz", "fps", "hz", "frequency", "frequency_hz", "sample_rate", "sampling_rate", "sampling_frequency")
+# The most groups above a stream whose attributes are read.
+MOST_GROUPS = 16
 # The most objects of a file that are listed.
 MOST_OBJECTS = 100_000
 
@@ -97,11 +100,36 @@ class Hdf5(Container):
         first = self.datasets[hits[0]]
         lengths = tuple(self.datasets[name].shape[frame_axis] for name in hits)
         made = Hdf5Track(self.path, stream, next(iter(shapes)), first.dtype.str, lengths, container=self, names=hits, axis=frame_axis)
-        made.says |= _attributes(first)
-        rate = next((item for name, item in self.datasets.items() if name.rpartition("/")[2] in RATES and item.shape == ()), None)
-        if rate is not None and rate.dtype.kind in "iuf":
-            made.says.setdefault("rate", float(rate[()]))
+        made.says |= self._stated(hits)
         return made
+
+    def _stated(self, names: list[str]) -> dict[str, Any]:
+        """Unit and rate, which the attributes of arrays and of the groups around them say, or a number beside them; the nearest
+        counts. They are the same for all episodes."""
+        rates = {name: item for name, item in self.datasets.items() if name.rpartition("/")[2].lower() in RATES and item.shape == () and item.dtype.kind in "iuf"}
+        known: dict[str, dict[str, Any]] = {}
+
+        def of_group(group: str) -> dict[str, Any]:
+            if group not in known:
+                beside = {"rate": float(item[()]) for name, item in rates.items() if name.rpartition("/")[0] == group}
+                known[group] = {**beside, **_attributes(self.file[group] if group else self.file)}
+            return known[group]
+
+        stated: dict[str, tuple[str, Any]] = {}
+        for name in names:
+            says, group = _attributes(self.datasets[name]), name
+            for _ in range(MOST_GROUPS):
+                group = group.rpartition("/")[0]
+                says = {**of_group(group), **says}
+                if not group:
+                    break
+            for key, value in says.items():
+                other, found = stated.setdefault(key, (name, value))
+                if found != value:
+                    raise DataError(f"{self.path}: found the {key} {found!r} of {other} and {value!r} of {name}; needed: stream=, arrays of one of them")
+        made = {key: value for key, (_, value) in stated.items()}
+        elsewhere = {float(item[()]) for item in rates.values()}
+        return {"rate": elsewhere.pop(), **made} if len(elsewhere) == 1 else made
 
     def _checked(self, name: str) -> Any:
         """A dataset that can be read from this file, with bounded memory."""
@@ -126,7 +154,7 @@ class Hdf5(Container):
             if found != needed:
                 raise DataError(f"{where}: found {found} of {needed} chunks; needed: all; HDF5 gives {dataset.fillvalue} for the others, which looks like a reading")
             # No filter makes a chunk much larger; one that is may become anything.
-            dataset.id.chunk_iter(lambda chunk: _small_chunk(where, chunk, 2 * most + (1 << 16)))
+            dataset.id.chunk_iter(partial(_check_chunk, where, 2 * most + (1 << 16)))
         elif dataset.id.get_storage_size() < item * math.prod(shape):
             found = dataset.id.get_storage_size()
             raise DataError(f"{where}: found {found} bytes for the shape {shape}; needed: {item * math.prod(shape)}; HDF5 gives {dataset.fillvalue} for the others, which looks like a reading")
@@ -147,7 +175,7 @@ class Hdf5(Container):
         raise DataError(f"{self.path}: found no {name!r} beside {stream}, which the layout names; needed: one of {known}, or `rate` in the layout")
 
 
-def _small_chunk(where: str, chunk: Any, most: int) -> None:
+def _check_chunk(where: str, most: int, chunk: Any) -> None:
     if chunk.size > most:
         needed = f"at most {most}; needed: the file as it was written"
         raise DataError(f"{where}: found {chunk.size} bytes in the chunk at {chunk.chunk_offset}, of {needed}")
@@ -157,24 +185,24 @@ def _cells(shape: tuple[int, ...], frame_axis: int) -> tuple[int, ...]:
     return shape[:frame_axis] + shape[frame_axis + 1 :]
 
 
-def _attributes(dataset: Any) -> dict[str, Any]:
-    """What the attributes of a dataset and of the file say."""
+def _attributes(owner: Any) -> dict[str, Any]:
+    """What the attributes of an array or a group say."""
     made: dict[str, Any] = {}
-    for owner in (dataset.file, dataset.parent, dataset):
-        for key in ("unit", "units", *RATES):
-            try:
-                value = owner.attrs.get(key)
-            except (OSError, TypeError):
-                continue
-            if isinstance(value, bytes):
-                value = value.decode("utf-8", "replace")
-            if value is None or getattr(value, "size", 1) != 1:
-                continue
-            value = value.item() if hasattr(value, "item") else value
-            if key in RATES and isinstance(value, (int, float)):
-                made["rate"] = float(value)
-            elif key not in RATES and isinstance(value, str):
-                made["unit"] = value
+    for name in [name for name in owner.attrs if name.lower() in ("unit", "units", *RATES)]:
+        key = name.lower()
+        try:
+            value: Any = owner.attrs[name]
+        except (OSError, TypeError):
+            continue
+        if isinstance(value, bytes):
+            value = value.decode("utf-8", "replace")
+        if getattr(value, "size", 1) != 1:
+            continue
+        value = value.item() if hasattr(value, "item") else value
+        if key in RATES and isinstance(value, (int, float)) and not isinstance(value, bool):
+            made["rate"] = float(value)
+        elif key not in RATES and isinstance(value, str):
+            made["unit"] = value
     return made
 
 
@@ -201,12 +229,12 @@ class Hdf5Track(Track):
                     rows = np.where(good.reshape(-1, *[1] * (rows.ndim - 1)), rows, np.nan)
                     self.state("validity", f"{int((~good).sum())} frames of episode {number} from frame {start} on are not valid: no readings there")
                 at = None if times is None else self._read(times, slice(start, stop)).ravel()
-                rest = None
+                rest: Any = None
                 if zeros is not None:
                     rest = self._read(zeros, ()) if zeros.shape == self.cells else self._read(zeros, slice(start, stop))
                 for first in range(0, len(rows), frames):
                     part = slice(first, first + frames)
-                    own = rest if rest is None or zeros.shape == self.cells else rest[part]
+                    own = rest if zeros is None or zeros.shape == self.cells else rest[part]
                     yield Block(number, rows[part], None if at is None else at[part], own)
 
     def _step(self, dataset: Any, frames: int) -> int:

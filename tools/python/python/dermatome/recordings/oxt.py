@@ -8,6 +8,7 @@ from typing import Any
 
 from dermatome._adapter import need
 from dermatome._errors import DataError, FileError
+from dermatome._kinds import is_list
 from dermatome.recordings._track import TIME_NAMES, Block, Container, Track, chosen
 from dermatome.recordings.areas import AREAS
 from dermatome.recordings.zarr import Array, Store
@@ -117,7 +118,7 @@ def _check_group(made: Track, array: Array) -> None:
     areas, kind = made.says.get("area"), made.says.get("type")
     if areas is not None:
         count = made.cells[0] if made.cells else 1
-        if not isinstance(areas, list) or len(areas) != count:
+        if not is_list(areas) or len(areas) != count:
             raise DataError(f"{array.where}: found the areas {areas}; needed: {count}, one for each part of a frame {made.cells}")
         wrong = [area for area in areas if not isinstance(area, int) or not 0 <= area < len(AREAS)]
         if wrong:

@@ -11,6 +11,7 @@ from typing import Any
 
 from dermatome._adapter import need
 from dermatome._errors import DataError, FileError
+from dermatome._kinds import is_list, is_mapping
 from dermatome.recordings._track import MOST_JSON, Block, Container, Track, bytes_of, chosen, read_json, sizes, small_enough
 
 VERSIONS = ("v2.0", "v2.1", "v3.0")
@@ -37,7 +38,7 @@ class LeRobot(Container):
             raise self.wrong("fps", repr(fps), "a number above 0")
         self.fps = float(fps)
         features = self.info.get("features")
-        if not isinstance(features, dict) or not all(isinstance(each, dict) for each in features.values()):
+        if not is_mapping(features) or not all(is_mapping(each) for each in features.values()):
             raise self.wrong("features", type(features).__name__, "an object with an object for each feature")
         self.features = features
         self.frames = self.count("total_frames")
@@ -164,7 +165,7 @@ class LeRobot(Container):
         lengths = tuple(self.lengths[number] for number in sorted(self.lengths))
         says: dict[str, Any] = {"rate": self.fps}
         names = feature.get("names")
-        if isinstance(names, list) and 1 < len(names) == len(cells) and all(isinstance(name, str) for name in names):
+        if is_list(names) and 1 < len(names) == len(cells) and all(isinstance(name, str) for name in names):
             says["axes"] = names
         made = LeRobotTrack(self.path, stream, cells, str(feature.get("dtype")), lengths, says, dataset=self)
         if "unit" in feature:
@@ -178,7 +179,7 @@ class LeRobotTrack(Track):
     dataset: Any = None
     # Columns that are the numbers of a frame, one each.
     joined: tuple[str, ...] = ()
-    counted: dict[str, int] = field(default_factory=dict)
+    counted: dict[str, int] = field(default_factory=lambda: {})
 
     def blocks(self, frames: int, episode: int | None = None, time: str | None = None, zero: str | None = None) -> Iterator[Block]:
         np = need("numpy", "parquet")
@@ -322,7 +323,7 @@ class LeRobotTrack(Track):
             if suffix == ".valid":
                 return name, None
             names = feature.get("names")
-            if isinstance(names, list) and "valid" in names:
+            if is_list(names) and "valid" in names:
                 return name, names.index("valid")
         return None
 

@@ -10,7 +10,7 @@ import itertools
 import json
 import numbers
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import SimpleNamespace
@@ -32,9 +32,7 @@ class Bag(Container):
 
     def __init__(self, path: Any) -> None:
         super().__init__(path)
-        for file in [Path(path)] if Path(path).is_file() else sorted(Path(path).glob("*.mcap")):
-            _check_chunks(file)
-        self.reader: Any = _Json(self.path) if _is_json(Path(path)) else _Ros(self.path)
+        self.reader = open_bag(path)
         self.counts: dict[str, int] = {}
         for topic, count in self.reader.topics().items():
             self.counts[topic] = count
@@ -141,11 +139,12 @@ class BagTrack(Track):
 
     def _stamp(self, stamp: Any, number: int) -> int:
         """Nanoseconds of a stamp: of ROS, or as Foxglove writes it in JSON."""
-        parts = [getattr(stamp, name, None) for name in ("sec", "nanosec" if hasattr(stamp, "nanosec") else "nsec")]
+        parts: list[Any] = [getattr(stamp, name, None) for name in ("sec", "nanosec" if hasattr(stamp, "nanosec") else "nsec")]
         if not all(isinstance(part, numbers.Integral) for part in parts):
-            found = sorted(set(vars(stamp)) - {"__msgtype__"}) if hasattr(stamp, "__dict__") else type(stamp).__name__
+            known: Any = getattr(stamp, "__dict__", None)
+            found = type(stamp).__name__ if known is None else sorted({*map(str, known)} - {"__msgtype__"})
             raise DataError(f"{self.path}: message {number} of {self.topic}: found the stamp {found}; needed: whole numbers sec and nanosec or nsec")
-        return int(parts[0]) * 10**9 + int(parts[1])  # type: ignore[arg-type]
+        return int(parts[0]) * 10**9 + int(parts[1])
 
     def _in_order(self, frame: Frame, number: int) -> Any:
         """The numbers in the order of the first message, by their ids."""
@@ -178,14 +177,24 @@ class BagTrack(Track):
         return made
 
 
+def open_bag(path: Any, definitions: Mapping[str, str] | None = None) -> _Ros | _Json:
+    """The messages of a bag; definitions of those of which it holds none."""
+    for file in [Path(path)] if Path(path).is_file() else sorted(Path(path).glob("*.mcap")):
+        _check_chunks(file)
+    return _Json(str(path)) if _is_json(Path(path)) else _Ros(str(path), definitions or {})
+
+
 class _Ros:
     """Messages of a bag by rosbags."""
 
-    def __init__(self, path: str) -> None:
+    def __init__(self, path: str, definitions: Mapping[str, str]) -> None:
         highlevel, typesys = need("rosbags.highlevel", "ros"), need("rosbags.typesys", "ros")
         store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
-        for kind, text in DEFINITIONS.items():
-            store.register(typesys.get_types_from_msg(text, kind))
+        for kind, text in {**DEFINITIONS, **definitions}.items():
+            try:
+                store.register(typesys.get_types_from_msg(text, kind))
+            except Exception as error:  # Each of its parsers has its own.
+                raise DataError(f"definitions: found {kind!r} that cannot be read: {error}") from error
         self.path = path
         try:
             self.bag = highlevel.AnyReader([Path(path)], default_typestore=store)
@@ -213,7 +222,7 @@ class _Ros:
             except StopIteration:
                 return
             except KeyError as error:
-                needed = "a bag with definitions, as ROS 2 Iron and later write, or dermatome.ros.read(definitions=)"
+                needed = f"a bag with definitions, as ROS 2 Iron and later write, or dermatome.ros.read(definitions={{{kinds[0]!r}: ...}})"
                 raise DataError(f"{self.path}: found no definition of {kinds[0]}, the messages of {topic}; needed: {needed}") from error
             except Exception as error:
                 raise FileError(f"{self.path}: message {number} of {topic} cannot be read: {error}; needed: the bag as it was written", "bag") from error

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
-import shutil
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -13,6 +11,7 @@ from typing import Any
 
 from dermatome._adapter import level_of, need
 from dermatome._errors import DataError, FileError
+from dermatome._whole import whole, written
 from dermatome.recordings.areas import AREAS, area_numbers
 
 # The name of the group.
@@ -32,10 +31,13 @@ def write_oxt(recording: Any, path: Any, map: Any, level: int, areas: Mapping[st
         raise DataError(f"areas: found none; needed: the area, 0 to {len(AREAS) - 1}, of a patch of {list(map.patches)[:10]}")
     for patch, area in (areas or {}).items():
         level_of(map, patch, level)
-        if not isinstance(area, int) or not 0 <= area < len(AREAS):
+        if not 0 <= (-1 if (number := whole(area)) is None else number) < len(AREAS):
             raise DataError(f"areas: found {area!r} for {patch!r}; needed: 0 to {len(AREAS) - 1}")
-    chosen = _areas_of_regions(np, map) if areas is None else [(patch, area) for patch, area in areas.items()]
-    with _Target(path) as target:
+    chosen = _areas_of_regions(np, map) if areas is None else [(patch, int(area)) for patch, area in areas.items()]
+    is_archive = Path(path).suffix.lower() == ".zip"
+    if not is_archive and Path(path).exists():
+        raise FileError(f"{path}: found a file or folder; needed: the name of a new folder", "exists")
+    with written(path) as part, (_Archive(part) if is_archive else _Folder(part)) as target:
         images, times, stops = (_Rows(target, name) for name in (f"data/{side}_tactile_data_{GROUP}", "data/timestamps", "meta/episode_ends"))
         renderers: list[Any] = []
         shown: list[Any] = []
@@ -110,52 +112,45 @@ def _images(np: Any, renderers: list[Any], shown: list[Any], values: Any) -> Any
     return made[:, :, 0] if values.shape[1] == 1 else np.moveaxis(made, 2, -1)
 
 
-class _Target:
-    """A Zarr folder or zip archive, which is there once it is whole."""
+class _Folder:
+    """A Zarr folder."""
 
-    def __init__(self, path: Any) -> None:
-        self.path = Path(path)
-        self.part = self.path.with_name(f".{self.path.name}.part")
-        self.archive: zipfile.ZipFile | None = None
-        if self.path.suffix.lower() != ".zip" and self.path.exists():
-            raise FileError(f"{path}: found a file or folder; needed: the name of a new folder", "exists")
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        path.mkdir()
 
-    def __enter__(self) -> _Target:
-        try:
-            if self.path.suffix.lower() == ".zip":
-                self.archive = zipfile.ZipFile(self.part, "w")
-            else:
-                self.part.mkdir()
-        except OSError as error:
-            raise FileError(f"{self.path}: cannot be written: {error}", "io") from error
+    def __enter__(self) -> _Folder:
         return self
 
     def write(self, name: str, data: bytes) -> None:
-        try:
-            if self.archive is not None:
-                # The same bytes on another day.
-                self.archive.writestr(zipfile.ZipInfo(name), data)
-                return
-            (self.part / name).parent.mkdir(parents=True, exist_ok=True)
-            (self.part / name).write_bytes(data)
-        except OSError as error:
-            raise FileError(f"{self.path}: cannot be written: {error}", "io") from error
+        (self.path / name).parent.mkdir(parents=True, exist_ok=True)
+        (self.path / name).write_bytes(data)
 
     def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
-        if self.archive is not None:
-            self.archive.close()
-        if error is None:
-            os.replace(self.part, self.path)
-        elif self.archive is not None:
-            self.part.unlink()
-        else:
-            shutil.rmtree(self.part)
+        pass
+
+
+class _Archive:
+    """A Zarr archive."""
+
+    def __init__(self, path: Path) -> None:
+        self.archive = zipfile.ZipFile(path, "w")
+
+    def __enter__(self) -> _Archive:
+        return self
+
+    def write(self, name: str, data: bytes) -> None:
+        # The same bytes on another day.
+        self.archive.writestr(zipfile.ZipInfo(name), data)
+
+    def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
+        self.archive.close()
 
 
 class _Rows:
     """An array of Zarr 2 that grows along its first axis."""
 
-    def __init__(self, target: _Target, name: str) -> None:
+    def __init__(self, target: _Folder | _Archive, name: str) -> None:
         self.target, self.name, self.kept, self.count, self.written = target, name, [], 0, 0  # type: ignore[var-annotated]
         self.codec = need("numcodecs", "zarr").Blosc("zstd", 5, shuffle=2)
 
@@ -224,12 +219,13 @@ def write_lerobot(recording: Any, path: Any, map: Any, level: int, repo_id: str 
     name = repo_id or root.resolve().name
     copy = f"{name}_map" if repo_id is None else repo_id
     source = dataset_module.LeRobotDataset(name, root=root)
-    tools.add_features(source, features=features, output_dir=Path(path), repo_id=copy)
-    # add_features leaves out their statistics, without which policies do not normalise them.
-    arrays, about = ({key: each[k] for key, each in features.items()} for k in (0, 1))
-    made = need("lerobot.datasets.compute_stats", "lerobot").compute_episode_stats(arrays, about)
-    file = Path(path) / "meta/stats.json"
-    known = json.loads(file.read_text()) if file.is_file() else {}
-    known |= {key: {word: np.asarray(numbers).tolist() for word, numbers in each.items()} for key, each in made.items()}
-    file.write_text(json.dumps(known, indent=4))
+    with written(path) as part:
+        tools.add_features(source, features=features, output_dir=part, repo_id=copy)
+        # add_features leaves out their statistics, without which policies do not normalise them.
+        arrays, about = ({key: each[k] for key, each in features.items()} for k in (0, 1))
+        made = need("lerobot.datasets.compute_stats", "lerobot").compute_episode_stats(arrays, about)
+        file = part / "meta/stats.json"
+        known: dict[str, Any] = json.loads(file.read_text()) if file.is_file() else {}
+        known |= {key: {word: np.asarray(numbers).tolist() for word, numbers in each.items()} for key, each in made.items()}
+        file.write_text(json.dumps(known, indent=4))
     return dataset_module.LeRobotDataset(copy, root=Path(path))

@@ -145,8 +145,8 @@ class Array:
                 raise DataError(f"{self.where}: found the type {kind!r}; needed: one of {', '.join(TYPES)}")
             self.dtype, self.order = np.dtype(kind), "C"
             self.chunk = about["chunk_grid"]["configuration"]["chunk_shape"]
-            keys = about["chunk_key_encoding"]
-            separator = (keys.get("configuration") or {}).get("separator", "/" if keys["name"] == "default" else ".")
+            keys: Any = about["chunk_key_encoding"]
+            separator = (keys.get("configuration") or dict[str, Any]()).get("separator", "/" if keys["name"] == "default" else ".")
             self.prefix = f"c{separator}" if keys["name"] == "default" else ""
             codecs, self.inner = about["codecs"], self.chunk
             if codecs[0]["name"] == "sharding_indexed" and len(codecs) == 1:
@@ -156,7 +156,7 @@ class Array:
                 if names not in (["bytes"], ["bytes", "crc32c"]):
                     raise DataError(f"{self.where}: found an index of {names}; needed: bytes, crc32c")
                 self.checksum = names[-1] == "crc32c"
-            self.codecs = [(str(codec["name"]), codec.get("configuration") or {}) for codec in codecs]
+            self.codecs = [(str(codec["name"]), codec.get("configuration") or dict[str, Any]()) for codec in codecs]
             while self.codecs and self.codecs[0][0] == "bytes":
                 if self.codecs.pop(0)[1].get("endian") == "big":
                     self.dtype = self.dtype.newbyteorder(">")
@@ -203,7 +203,7 @@ class Array:
         # The chunks beside some that are missing, the first and the last.
         missing = [at for at, (_, there) in enumerate(known) if not there][:SAMPLED]
         beside = {near for at in missing for near in (at - 1, at + 1) if 0 <= near < len(known) and known[near][1]}
-        frames = []
+        frames: list[Any] = []
         for at in sorted(beside | {*stored[:1], *stored[-1:]}):
             for piece in self._stored_pieces(known[at][0]):
                 frames.append((piece == self.fill).reshape(len(piece), -1).all(axis=1))
@@ -255,7 +255,8 @@ class Array:
             if self._file(key) not in self.store.names:
                 yield corner, self._filled(self._file(key), self.chunk)
                 continue
-            stored, absent = [], []
+            stored: list[tuple[Any, Any]] = []
+            absent: list[tuple[Any, Any]] = []
             for inner, data in self._stored(self._file(key)):
                 at = tuple(a + k * size for a, k, size in zip(corner, inner, self.inner))
                 if data is None:
