@@ -1,13 +1,17 @@
 //! What dermatome computes, without a file or a picture: the modules of the crate `dermatome` from ids to contacts.
+//!
+//! Use the crate `dermatome`, which has them under the same names. What is hidden here is shared with that crate alone.
 #![warn(missing_docs, clippy::print_stdout, clippy::unwrap_used)]
 
 pub mod id;
+#[doc(hidden)]
 pub mod parallel;
 pub mod run;
+#[doc(hidden)]
 pub mod numeric;
 pub mod least_squares;
 pub mod mesh;
-pub mod nearest;
+mod nearest;
 pub mod skin;
 #[cfg(feature = "robots")]
 pub mod robot;

@@ -82,7 +82,7 @@ pub struct RecordingWriter {
     path: OutPath,
     writer: ArrayWriter,
     times: Option<ArrayId>,
-    /// The episode of the frames that follow, where they are told apart.
+    /// The array of episodes, and the current episode; `None` if the file has no episodes.
     episode: Option<(ArrayId, u32)>,
     images: Vec<ArrayId>,
     /// Name and number of values of each image.
@@ -163,8 +163,8 @@ impl RecordingWriter {
         Ok(this)
     }
 
-    /// The frames that follow are of this episode, in the array `episode` `(T,)` of a `.npz`. A recording whose episodes are told
-    /// apart begins one before its first frame.
+    /// Begins an episode: the next frames have this number in the array `episode` `(T,)` of a `.npz`. If a recording has
+    /// episodes, call it before the first frame.
     ///
     /// # Errors
     /// If the disk is full.

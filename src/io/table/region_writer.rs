@@ -45,8 +45,8 @@ impl RegionWriter {
         Ok(Self { map: Arc::clone(map), table: TableWriter::create(path, &columns)?, episode: None })
     }
 
-    /// The frames that follow are of this episode, which is in a column `episode` before the others. A file whose episodes are
-    /// told apart begins one before its first frame.
+    /// Begins an episode: the next frames have this number in the first column, `episode`. If a file has episodes, call it
+    /// before the first frame.
     pub fn begin_episode(&mut self, number: u64) {
         if self.episode.replace(number).is_none() {
             self.table.add_first_column("episode");
