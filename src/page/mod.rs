@@ -2,7 +2,7 @@
 //!
 //! [`Page::new`] takes a map, [`Page::play`] a recording, and [`Page::to_html`] writes them into the page
 //! that `tools/page` makes, which is stored compressed (`page.html.gz`). The page draws the skin in space
-//! next to its map; its slider unfolds the one into the other ([`Unfolding`]). Its data is packed (`pack`)
+//! next to its map; its slider unfolds the one into the other ([`Unfolding`](crate::unfold::Unfolding)). Its data is packed (`pack`)
 //! from the map (`skin`), the readings (`recording`) and what touches do (`events`). Without WebGL it shows the picture of
 //! [`plot_map`](crate::plot::plot_map()) and the numbers of `report.json`.
 //!
