@@ -11,7 +11,7 @@
 //! picture, what other engines need to answer the same contacts: `mesh.obj`, `scattered.f32` and `path.f32`, in
 //! world coordinates (`tools/compare/compare.py coarse` runs them in turn).
 
-#[path = "../src/bin/dermatome/bench/measure.rs"]
+#[path = "../crates/command/src/bench/measure.rs"]
 mod measure;
 
 use std::{

@@ -25,37 +25,10 @@
 //!
 //! [`least_squares`] has the limits of the minimiser that all fits share. Everything is `f64`, in metres and radians, right-handed, with outward normals; results do not
 //! depend on the number of threads.
-#![warn(missing_docs, clippy::print_stdout, clippy::unwrap_used)]
+#![warn(missing_docs)]
 
-pub use dermatome_core::{
-    atlas, body, calib, contact, cut, design, diff, flatten, id, image, least_squares, map, mesh, pyramid,
-    registration, response, run, signal, skin, touches, unfold,
-};
-use dermatome_core::{delaunay, numeric, parallel, sparse};
-#[cfg(feature = "robots")]
-pub use dermatome_core::{remesh, robot};
-
-pub mod io;
-#[cfg(feature = "plot")]
-pub mod plot;
-#[cfg(feature = "plot")]
-pub mod pattern;
-pub mod report;
-mod error;
-pub mod recording;
-#[cfg(feature = "plot")]
-pub mod page;
-pub mod pipeline;
-
-pub use calib::{Calibration, Observations, calibrate};
-pub use contact::{Cell, ContactIndex, Hit, Hits, MapIndex, Query};
-pub use error::Error;
-pub use io::{read_draft, read_map, write_map};
-pub use map::SkinMap;
-pub use pipeline::{BuildOptions, build, build_file};
-pub use pyramid::LevelId;
-pub use skin::{AssembleOptions, Draft, PatchId, Skin, assemble};
-pub use sparse::SparseError;
+#[doc(inline)]
+pub use dermatome_files::*;
 
 /// The README's example, run as a test.
 #[cfg(doctest)]

@@ -6,8 +6,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// The folders of the library: what computes, and the rest.
-const ROOTS: [&str; 2] = ["crates/core/src", "src"];
+/// The folders of the library, what computes and the rest, and that of the command.
+const ROOTS: [&str; 3] = ["crates/core/src", "crates/files/src", "crates/command/src"];
 
 /// The modules of the library; each may name only those before it.
 #[rustfmt::skip]
@@ -24,6 +24,7 @@ const DOORS: &[(&str, &[&str])] = &[
     ("rand_pcg", &["numeric"]),
     ("dermatome_bvh dermatome_delaunay dermatome_sparse", &["lib.rs"]),
     ("dermatome_core", &["lib.rs", "error.rs"]),
+    ("dermatome", &["command"]),
     ("gltf", &["io/gltf"]),
     ("exr", &["io/image"]),
     ("base64", &["io/gltf", "page", "plot/picture/svg.rs"]),
@@ -32,14 +33,14 @@ const DOORS: &[(&str, &[&str])] = &[
     ("itoa", &["io/table"]),
     ("ply_rs_bw", &["io/mesh/ply.rs"]),
     ("roxmltree", &["io/file/xml.rs", "io/mesh/dae.rs", "io/mesh/threemf.rs", "io/robot"]),
-    ("serde", &["flatten/distortion.rs", "map/on_atlas.rs", "io", "page", "report.rs", "bin"]),
-    ("serde_json", &["io", "page", "bin"]),
-    ("tempfile", &["io/file", "bin"]),
+    ("serde", &["flatten/distortion.rs", "map/on_atlas.rs", "io", "page", "report.rs", "command"]),
+    ("serde_json", &["io", "page", "command"]),
+    ("tempfile", &["io/file", "command"]),
     ("zip", &["io/arrays", "io/mesh/threemf.rs"]),
     ("zmij", &["io/table"]),
     ("epaint_default_fonts ttf_parser", &["plot/picture/font.rs"]),
     ("png tiny_skia", &["plot/picture"]),
-    ("anyhow clap clap_complete clap_mangen glob indicatif signal_hook", &["bin"]),
+    ("anyhow clap clap_complete clap_mangen glob indicatif signal_hook", &["command"]),
 ];
 
 /// Each outside crate with its doors.
@@ -52,9 +53,9 @@ type Named = Vec<String>;
 
 /// A source file.
 struct Source {
-    /// Its path in `src`, as `contact/map_index/plane_grid.rs`.
+    /// Its path in `src`, as `contact/map_index/plane_grid.rs`; those of the command begin with `command`.
     path: String,
-    /// Its module, as `["contact", "map_index", "plane_grid"]`; in the command all begin with `bin`.
+    /// Its module, as `["contact", "map_index", "plane_grid"]`; those of the command begin with `command`.
     module: Named,
     text: String,
     /// The text without comments, strings, unit tests, imports and re-exports.
@@ -66,15 +67,12 @@ struct Source {
 
 impl Source {
     fn read(root: &str, file: &Path) -> Self {
-        let path = file.strip_prefix(root).unwrap();
+        let first = if root == ROOTS[2] { "command" } else { "" };
+        let path = Path::new(first).join(file.strip_prefix(root).unwrap());
         let mut module: Named =
             path.with_extension("").iter().map(|part| part.to_str().unwrap().to_owned()).collect();
         if ["mod", "lib", "main"].contains(&module.last().unwrap().as_str()) {
             module.pop();
-        }
-        if module.first().is_some_and(|first| first == "bin") {
-            // `src/bin/dermatome` is the root of the command.
-            module.remove(1);
         }
         Self {
             path: path.to_str().unwrap().replace('\\', "/"),
@@ -108,7 +106,7 @@ impl Source {
     }
 
     fn is_command(&self) -> bool {
-        self.top() == "bin"
+        self.top() == "command"
     }
 
     /// The paths in its code that begin with a word, and its imports.
@@ -149,8 +147,8 @@ fn read_sources(root: &str) -> Vec<Source> {
 
 /// The files of the library and the command. The root of the core, which only passes on its modules, is not among them.
 fn sources_of_library() -> Vec<Source> {
-    let [core, rest] = ROOTS.map(read_sources);
-    core.into_iter().filter(|source| source.path != "lib.rs").chain(rest).collect()
+    let [core, files, command] = ROOTS.map(read_sources);
+    core.into_iter().filter(|source| source.path != "lib.rs").chain(files).chain(command).collect()
 }
 
 /// The text without comments and with empty strings, and the strings.
@@ -225,7 +223,7 @@ impl<'a> Files<'a> {
         let mut at = module.to_vec();
         for part in path {
             match part.as_str() {
-                "crate" => at.truncate(usize::from(at.first().is_some_and(|first| first == "bin"))),
+                "crate" => at.truncate(usize::from(at.first().is_some_and(|first| first == "command"))),
                 "dermatome" => at.clear(),
                 "super" => drop(at.pop()),
                 "self" => {}
@@ -303,7 +301,8 @@ fn modules_name_only_those_before_them() {
 
 #[test]
 fn outside_crates_are_used_behind_their_doors() {
-    let manifests = ["Cargo.toml", "crates/core/Cargo.toml"].map(|file| fs::read_to_string(file).unwrap());
+    let manifests =
+        ROOTS.map(|root| fs::read_to_string(Path::new(root).with_file_name("Cargo.toml")).unwrap());
     let sections = manifests.iter().flat_map(|manifest| manifest.split("\n["));
     let sections =
         sections.filter(|section| section.contains("dependencies]\n") && !section.starts_with("dev-"));
@@ -348,7 +347,7 @@ fn foundations_are_reached_by_build_lookup_or_render() {
         sources.iter().any(|s| reached.contains(s.path.as_str()) && is_used(s))
     };
     for (outside, door) in FOUNDATIONS {
-        let folder = door.map_or(".".to_owned(), |member| format!("crates/{member}"));
+        let folder = format!("crates/{}", door.unwrap_or("files"));
         let is_used = match door {
             None => is_reached(&|s| s.uses(outside)),
             Some(member) => {

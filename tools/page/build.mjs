@@ -1,11 +1,11 @@
-// Makes src/page/page.html.gz of the library: `node build.mjs`. With --check it only compares the text.
+// Makes crates/files/src/page/page.html.gz of the library: `node build.mjs`. With --check it only compares the text.
 import { createHash } from 'node:crypto';
 import { readFileSync, writeFileSync } from 'node:fs';
 import { gunzipSync, gzipSync } from 'node:zlib';
 import { build } from 'esbuild';
 
 const here = (name) => new URL(name, import.meta.url);
-const asset = here('../../src/page/page.html.gz');
+const asset = here('../../crates/files/src/page/page.html.gz');
 const { outputFiles: [bundle] } = await build({
   entryPoints: [here('src/main.ts').pathname], bundle: true, minify: true, format: 'iife', target: 'es2022', legalComments: 'none', write: false, charset: 'utf8',
 });
@@ -20,7 +20,7 @@ page = fill(page, 'STYLE', style);
 page = fill(page, 'SCRIPT', script);
 if (process.argv.includes('--check')) {
   if (gunzipSync(readFileSync(asset)).toString() !== page) {
-    console.error('src/page/page.html.gz is not what tools/page makes: run `node build.mjs` in tools/page and commit it');
+    console.error('crates/files/src/page/page.html.gz is not what tools/page makes: run `node build.mjs` in tools/page and commit it');
     process.exit(1);
   }
 } else {

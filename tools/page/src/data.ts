@@ -1,4 +1,4 @@
-// The data of a page: a header and arrays, packed by src/page/pack.rs of the library.
+// The data of a page: a header and arrays, packed by crates/files/src/page/pack.rs of the library.
 
 export interface Box { lo: number[]; size: number[] }
 export interface Rows { indices: number; weights: number }
