@@ -805,8 +805,9 @@ def summarise_readings(
     threshold: float | None = None,
     is_tared: bool = False,
     stated: float | None = None,
-    probe: Literal["any", "finger"] = "any",
+    probe: Literal["any", "finger", "foot"] = "any",
     level: str | None = None,
+    by: Literal["group", "step"] = "group",
 ) -> tuple[list[dict[str, Any]], float | None, int]: ...
 def main_channel(channels: Sequence[str], units: Sequence[str]) -> int: ...
 def is_extensive(name: str, unit: str) -> bool: ...

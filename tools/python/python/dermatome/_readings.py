@@ -542,8 +542,9 @@ class Readings:
         *,
         channel: str | None = None,
         threshold: float | None = None,
-        probe: Literal["any", "finger"] = "any",
+        probe: Literal["any", "finger", "foot"] = "any",
         level: str | None = None,
+        by: Literal["group", "step"] = "group",
     ) -> list[dict[str, Any]]:
         """The sums of a trial, as in pressure mapping: of the whole skin, its links, patches, named regions and contacts.
 
@@ -557,16 +558,18 @@ class Readings:
             A taxel is loaded above this, in the unit of the channel; 0: above 0. By default it is that of the file, if it
             states one. Else it is estimated from the first frames, in which nothing should touch the skin; unless
             readings are tared, the mean of these is subtracted.
-        probe : {"any", "finger"}
-            What touches the skin, for contacts that are close to each other.
+        probe : {"any", "finger", "foot"}
+            What touches the skin, for contacts that are close to each other; parts of one foot are one contact.
         level : str, optional
             A level of the whole body or of a modality, as "body.L1" or "arm.thermal.L0" (`Map.field_levels`), whose fields are
             groups, too.
+        by : {"group", "step"}
+            What a row is of: a group, or each loading of a patch or a region from begin to end, as the steps of a gait.
 
         Returns
         -------
         list of dict
-            One for each group, with the columns of `dermatome summary`; None where something is not known.
+            One for each group or step, with the columns of `dermatome summary`; None where something is not known.
 
         Raises
         ------
@@ -601,6 +604,7 @@ class Readings:
             stated=joined.threshold,
             probe=probe,
             level=level,
+            by=by,
         )
         if found is None:
             raise DataError("threshold: found none, and the noise cannot be estimated from one frame; needed: a number")
