@@ -11,6 +11,8 @@ use dermatome::skin::{PatchId, Presence};
 pub(super) struct Fields {
     pub(super) level: LevelId,
     pub(super) name: String,
+    /// Whether it is of the whole body.
+    pub(super) is_of_body: bool,
     cells: FieldCells,
     /// What the taxel at the centre of each field is, and the region of the field.
     fields: IdVec<VertexId, (Presence, Option<String>)>,
@@ -32,7 +34,11 @@ impl Fields {
         };
         let fields = origins.zip(&regions_of).map(field).collect();
         let cells = FieldCells::new(map, at, map.patches.ids().filter(|patch| is_chosen(*patch)));
-        Self { level: at.level, name, cells, fields }
+        let is_of_body = at
+            .modality
+            .and_then(|number| map.body.modalities.get(number))
+            .is_none_or(|modality| modality.patch.is_none());
+        Self { level: at.level, name, is_of_body, cells, fields }
     }
 
     /// The fields of a cell of level 0 of a patch, what the taxel at the centre of the strongest is, and its region; `None`
