@@ -11,8 +11,8 @@ use pyo3::{
 };
 
 use crate::{
-    errors::EXCEPTIONS, hits::PyHits, map::PyMap, observations::PyObservations, options::PackArg, pool::LevelArg,
-    response::PyResponse, skin::PySkin,
+    errors::EXCEPTIONS, hits::PyHits, map::PyMap, observations::PyObservations, options::PackArg,
+    pool::LevelArg, response::PyResponse, skin::PySkin,
 };
 
 /// What Python can hand in.

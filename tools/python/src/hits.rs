@@ -246,7 +246,8 @@ impl Columns {
                 MapLevel::Patches(_) => places.map(region_of).collect(),
                 MapLevel::Fields(at) => {
                     let named = map.named_level(at);
-                    let of_field = |&field: &i64| usize::try_from(field).ok().and_then(|k| named.regions.get(k));
+                    let of_field =
+                        |&field: &i64| usize::try_from(field).ok().and_then(|k| named.regions.get(k));
                     field.iter().map(|field| of_field(field).copied().unwrap_or(-1)).collect()
                 }
             };

@@ -42,8 +42,8 @@ use crate::{
     options::{Extensive, PackArg, count, level},
     plot::{PlotArgs, PyPicture},
     pool::{
-        FieldArrays, LevelArg, MapLevel, NamedLevel, Pooling, fields_of, pool_fields, pool_groups, pooling_of,
-        pooling_of_fields, starts,
+        FieldArrays, LevelArg, MapLevel, NamedLevel, Pooling, fields_of, pool_fields, pool_groups,
+        pooling_of, pooling_of_fields, starts,
     },
     renderer::{PyRenderer, RenderArgs},
 };
@@ -617,7 +617,7 @@ impl PyMap {
             MapLevel::Patches(level) => level,
         };
         let regions = self.regions_of_fields();
-        let of_patch = |(id, patch): (PatchId, &PatchMap)| {
+        let of_patch = |id, patch: &PatchMap| {
             let level = patch.nearest_level(level);
             let region = |field| regions.region(id, level, field).map_or(-1, |region| region.raw() as i32);
             patch.levels[level].level.mesh.positions.ids().map(region).collect()

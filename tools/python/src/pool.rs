@@ -193,7 +193,11 @@ pub(crate) fn pooling_of_fields(
     only: Option<PatchId>,
 ) -> PyResult<PyMatrix> {
     if at.modality.is_some() {
-        return Err(bad("level", "a level of a modality", "a number, or a level of the whole body, as \"body.L0\""));
+        return Err(bad(
+            "level",
+            "a level of a modality",
+            "a number, or a level of the whole body, as \"body.L0\"",
+        ));
     }
     let (of_patches, mut rows) = (map.field_rows(at), Rows::new());
     let count = map.fields_of(at).map_or(0, |fields| fields.origins.len());
