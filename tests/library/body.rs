@@ -128,6 +128,53 @@ fn links_are_those_of_any_frame() {
     assert_eq!(gap_links(&moved, None), gap_links(&still, None));
 }
 
+/// A sheet of 30 x 21 taxels without those for which `is_out`.
+fn cut_out(is_out: impl Fn(u32, u32) -> bool) -> Skin {
+    let whole = shapes::lattice(30, 21, SPACING);
+    let is_in = |v: &VertexId| !is_out(v.raw() % 30, v.raw() / 30);
+    let mut mesh = TriMesh::default();
+    let numbers: Vec<VertexId> = whole
+        .positions
+        .enumerate()
+        .map(|(v, &at)| if is_in(&v) { mesh.positions.push(at) } else { VertexId::default() })
+        .collect();
+    let kept = whole.triangles.iter().filter(|corners| corners.iter().all(is_in));
+    mesh.triangles = kept.map(|corners| corners.map(|v| numbers[v.index()])).collect();
+    Skin::from_mesh("sheet", mesh)
+}
+
+/// A slit that ends at both sides has links from rim to rim and is a gap of the patch with itself; a press on it is one contact. Slits
+/// that are open at an end, as those between fingers, and round holes have none.
+#[test]
+fn slits_of_one_patch_are_linked_and_fingers_are_not() {
+    let slit = cut_out(|x, y| y == 10 && (8..22).contains(&x));
+    let links = gap_links(&slit, None);
+    let mesh = &slit.patches[PatchId::new(0)].mesh;
+    assert!(links.len() >= 14, "{} links", links.len());
+    for ends in &links {
+        let y = ends.map(|end| mesh.positions[end.taxel].y);
+        assert!((y[0] - y[1]).abs() > 1.5 * SPACING, "{y:?}");
+    }
+    assert!(gap_links(&slit, Some(0.0)).is_empty() && gap_links(&slit, Some(0.006)).is_empty());
+    let [gap] = gaps(&slit)[..] else { panic!("one gap") };
+    assert_eq!((gap.patches, gap.links), ([PatchId::new(0); 2], links.len()));
+    for (name, other) in [
+        ("open at an end", cut_out(|x, y| y == 10 && x >= 8)),
+        ("fingers", cut_out(|x, y| y % 4 == 3 && x >= 8)),
+        ("a round hole", cut_out(|x, y| (12..17).contains(&x) && (8..13).contains(&y))),
+    ] {
+        assert!(gaps(&other).is_empty(), "{name}: {:?}", gaps(&other));
+    }
+    let map = build(&slit, &BuildOptions::default()).unwrap();
+    assert_eq!(map.body.links, links);
+    assert_eq!(map_from_bytes(map_to_bytes(&map).unwrap()).unwrap().body, map.body);
+    let rim = mesh.positions[links[links.len() / 2][0].taxel];
+    let ball = DVec3::new(rim.x, 0.5 * (rim.y + mesh.positions[links[links.len() / 2][1].taxel].y), 0.0);
+    let apart = SkinMap { body: Body::default(), ..map.clone() };
+    let count = |map: &SkinMap| tracker(map, Probe::Any).track(&pressed(map, &[ball], 0.014)).len();
+    assert_eq!([count(&map), count(&apart)], [1, 2]);
+}
+
 /// Rims of one sheet that face each other, as those of a sleeve that is open along a line or of fingers, have no links.
 #[test]
 fn one_patch_has_no_links() {

@@ -19,6 +19,7 @@ use dermatome::signal::Spreader;
 use glob::Pattern;
 
 use crate::console::errors::advise;
+use crate::console::notes::note;
 use crate::console::print::{STANDARD_OUTPUT, StandardOutput};
 use crate::files::outputs::{self, is_stream};
 use crate::lookup::answers::{Answers, Question};
@@ -194,6 +195,9 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         }
         None => robot.motion(&args.map, args.pose.as_deref(), args.animation.as_deref(), common)?,
     };
+    if let Some(fields) = robot.fields.iter().find(|fields| fields.is_of_body).filter(|_| motion.is_some()) {
+        note!(common, "fields of {} are those of the links at rest; poses move the skin alone", fields.name);
+    }
     let player = Player::new(args.pose.as_deref().unwrap_or(&args.map), motion);
     let question = args.question.question();
     if !robot.fields.is_empty() && matches!(question, Question::Fields(_) | Question::Within(_)) {

@@ -12,7 +12,7 @@ use pyo3::{
 
 use crate::{
     errors::EXCEPTIONS, hits::PyHits, map::PyMap, observations::PyObservations, options::PackArg,
-    response::PyResponse, skin::PySkin,
+    pool::LevelArg, response::PyResponse, skin::PySkin,
 };
 
 /// What Python can hand in.
@@ -35,6 +35,7 @@ needed! {
     "a number": f64, f32;
     "a whole number of 64 bits": i64;
     "a whole number from 0 on": usize, u64, u32;
+    "a whole number of 64 bits, or a str": LevelArg;
     "True or False": bool;
     "a str": &str, String;
     "a path": PathBuf;

@@ -16,7 +16,7 @@ use crate::{
     arrays::{Reduced, matrix, reduced, vector},
     map::PyMap,
     matrix::{PyMatrix, Rows},
-    pool::starts,
+    pool::{MapLevel, NamedLevel, starts},
 };
 
 /// Fewest queries for a task.
@@ -49,17 +49,18 @@ pub(crate) struct PyHits {
     most: Option<Py<PyArray1<f64>>>,
     /// (k,) int32 array or None: The level of what follows.
     pub(crate) level: Option<Py<PyArray1<i32>>>,
-    /// (k, 2) float64 array or None: Place on the map of the level, in m.
+    /// (k, 2) float64 array or None: Place on the map of the level, in m; None for a level of the whole body or of a modality.
     pub(crate) uv: Option<Py<PyArray2<f64>>>,
-    /// (k, 2) uint32 array or None: Row (from the top) and column of its pixel.
+    /// (k, 2) uint32 array or None: Row (from the top) and column of its pixel; None as for `uv`.
     pixel: Option<Py<PyArray2<u32>>>,
-    /// (k,) int64 array or None: The receptive field with the largest weight, a vertex of the level; on level 0 a taxel.
+    /// (k,) int64 array or None: The receptive field with the largest weight, a vertex of the level; on level 0 a taxel. Of a level
+    /// of the whole body or of a modality its number there, -1 where the patch has no such fields.
     field: Option<Py<PyArray1<i64>>>,
     /// (k,) uint32 array or None: Id of the taxel at its centre.
     taxel_id: Option<Py<PyArray1<u32>>>,
     /// (k,) int32 array or None: Number of the named region of that field in `Map.regions`, -1 for none.
     region: Option<Py<PyArray1<i32>>>,
-    /// Matrix or None: Weights of all fields of the level, (k, fields of the whole map in its order).
+    /// Matrix or None: Weights of all fields of the level, (k, fields of the whole map in its order, as `Map.pool` has them).
     fields: Option<Py<PyMatrix>>,
 }
 
@@ -139,7 +140,7 @@ pub(crate) struct Answers {
     pub(crate) missing: Vec<bool>,
     pub(crate) ranges: Option<[Vec<f64>; 2]>,
     /// With the level that was asked for; patches that do not reach up to it may have cells on their coarsest.
-    pub(crate) cells: Option<(LevelId, Vec<Option<Cell>>)>,
+    pub(crate) cells: Option<(MapLevel, Vec<Option<Cell>>)>,
 }
 
 /// Answers as the numbers of arrays.
@@ -158,6 +159,7 @@ pub(crate) struct Columns {
 
 #[derive(Debug)]
 struct CellColumns {
+    of: MapLevel,
     level: Vec<i32>,
     uv: Vec<[f64; 2]>,
     pixel: Vec<[u32; 2]>,
@@ -229,8 +231,8 @@ impl Columns {
             region: None,
             fields: None,
         };
-        if let Some(CellColumns { level, uv, pixel, field, taxel, weights, fields }) = cells {
-            let regions = map.field_regions();
+        if let Some(CellColumns { of, level, uv, pixel, field, taxel, weights, fields }) = cells {
+            let regions = map.regions_of_fields();
             let region_of = |(&patch, (&level, &field)): (&i32, (&i32, &i64))| {
                 let id = |number: i64| u32::try_from(number).ok();
                 let region = Option::zip(id(patch.into()), Option::zip(id(level.into()), id(field)));
@@ -240,10 +242,21 @@ impl Columns {
                 region.map_or(-1, |region| region.raw() as i32)
             };
             let places = patches.iter().zip(level.iter().zip(&field));
-            found.region = Some(vector(py, places.map(region_of).collect::<Vec<_>>()).unbind());
+            let regions: Vec<i32> = match of {
+                MapLevel::Patches(_) => places.map(region_of).collect(),
+                MapLevel::Fields(at) => {
+                    let named = map.named_level(at);
+                    let of_field =
+                        |&field: &i64| usize::try_from(field).ok().and_then(|k| named.regions.get(k));
+                    field.iter().map(|field| of_field(field).copied().unwrap_or(-1)).collect()
+                }
+            };
+            found.region = Some(vector(py, regions).unbind());
             found.level = Some(vector(py, level).unbind());
-            found.uv = Some(matrix(py, uv)?.unbind());
-            found.pixel = Some(matrix(py, pixel)?.unbind());
+            if let MapLevel::Patches(_) = of {
+                found.uv = Some(matrix(py, uv)?.unbind());
+                found.pixel = Some(matrix(py, pixel)?.unbind());
+            }
             found.field = Some(vector(py, field).unbind());
             found.taxel_id = Some(vector(py, taxel).unbind());
             found.fields = Some(Py::new(py, weights.into_matrix(py, fields))?);
@@ -253,11 +266,21 @@ impl Columns {
 }
 
 impl CellColumns {
-    fn new(level: LevelId, cells: &[Option<Cell>], patches: &[PatchId], map: &SkinMap) -> Self {
+    fn new(of: MapLevel, cells: &[Option<Cell>], patches: &[PatchId], map: &SkinMap) -> Self {
         fn column<T: Send>(cells: &[Option<Cell>], of: impl Fn(Option<&Cell>) -> T + Sync) -> Vec<T> {
             cells.par_iter().with_min_len(FEW).map(|cell| of(cell.as_ref())).collect()
         }
-        let starts = starts(map, level);
+        // Where the fields of each patch begin; those of the whole body or of a modality are numbered together.
+        let (starts, fields) = match of {
+            MapLevel::Patches(level) => {
+                let starts = starts(map, level);
+                let fields = starts.last().copied().unwrap_or(0);
+                (starts, fields)
+            }
+            MapLevel::Fields(at) => {
+                (vec![0; map.patches.len()], map.fields_of(at).map_or(0, |fields| fields.origins.len()))
+            }
+        };
         let mut weights = Rows::new();
         for (cell, patch) in cells.iter().zip(patches) {
             match cell {
@@ -268,6 +291,7 @@ impl CellColumns {
             }
         }
         Self {
+            of,
             level: column(cells, |cell| cell.map_or(-1, |cell| cell.level.raw() as i32)),
             uv: column(cells, |cell| cell.map_or([f64::NAN; 2], |cell| cell.uv.to_array())),
             pixel: column(cells, |cell| {
@@ -276,7 +300,7 @@ impl CellColumns {
             field: column(cells, |cell| cell.map_or(-1, |cell| i64::from(cell.field.raw()))),
             taxel: column(cells, |cell| cell.map_or(u32::MAX, |cell| cell.taxel.0)),
             weights,
-            fields: starts.last().copied().unwrap_or(0),
+            fields,
         }
     }
 }
@@ -298,16 +322,19 @@ pub(crate) fn columns(found: Vec<Option<Hit>>) -> Answers {
     answers
 }
 
-/// Where hits lie on the map of a level, of a patch without it on its coarsest.
+/// Where hits lie on the map of a level, of a patch without it on its coarsest; or in which fields of a level without a map.
 pub(crate) fn cells(
     index: &ContactIndex,
     map: &SkinMap,
     answers: &Answers,
-    level: LevelId,
+    level: (MapLevel, Option<&NamedLevel>),
 ) -> Vec<Option<Cell>> {
     let cell = |k: usize| {
         let hit = answers.hits.get(k).filter(|_| !answers.missing.get(k).copied().unwrap_or(false))?;
-        index.cell(&hit, map.patches[hit.patch].nearest_level(level))
+        match level {
+            (MapLevel::Patches(level), _) => index.cell(&hit, map.patches[hit.patch].nearest_level(level)),
+            (_, named) => named?.cells.cell(hit.patch, &index.cell(&hit, LevelId::default())?),
+        }
     };
     (0..answers.hits.patch.len()).into_par_iter().with_min_len(FEW).map(cell).collect()
 }

@@ -23,6 +23,7 @@ use crate::{
     jobs::{Stop, run},
     map::PyMap,
     options::{count, level},
+    pool::{LevelArg, MapLevel},
 };
 
 /// A map made ready for contacts: what of the skin is near a point, and where that lies on the map.
@@ -146,15 +147,20 @@ impl PyIndex {
         &self,
         py: Python<'_>,
         threads: i64,
-        level: Option<LevelId>,
+        level: Option<MapLevel>,
         Queries { all, known }: Queries,
         find: impl FnOnce(&ContactIndex, &[Query], &Stop) -> Result<Answers, ContactError> + Send + 'static,
     ) -> PyResult<PyHits> {
         let (index, map) = (Arc::clone(&self.index), Arc::clone(self.map()));
+        let named = match level {
+            Some(MapLevel::Fields(at)) => Some(self.map.get().named_level(at)),
+            _ => None,
+        };
         let columns = run(py, count("threads", threads)?, move |stop| {
             let mut answers = find(&index, &all, stop)?;
             answers.leave_out(&known);
-            answers.cells = level.map(|level| (level, cells(&index, &map, &answers, level)));
+            answers.cells =
+                level.map(|level| (level, cells(&index, &map, &answers, (level, named.as_deref()))));
             Ok(answers.into_columns(&map))
         })?;
         columns.map_err(|e: ContactError| error(e))?.into_hits(py, self.map.get())
@@ -233,9 +239,9 @@ impl PyIndex {
     /// only_link : str, or (k,) sequence of str or int, optional
     ///     The link whose patches alone are searched: one for all points, or for each its name (None: all links) or number
     ///     (-1: all), as in `Hits.link`.
-    /// level : int, optional
-    ///     The level on whose map the points are found, of patches that do not reach up to it their coarsest; None for
-    ///     the skin alone, which is quicker.
+    /// level : int or str, optional
+    ///     The level on whose map the points are found, of patches that do not reach up to it their coarsest; or one of
+    ///     `Map.field_levels`, as "body.L0", of which there are fields and no places. None for the skin alone, which is quicker.
     /// threads : int
     ///     0 for one per processor.
     ///
@@ -247,18 +253,19 @@ impl PyIndex {
     /// ------
     /// DataError
     ///     If a coordinate is infinite, or a link or the level is unknown.
-    #[pyo3(signature = (points, *, link=None, only_link=None, level=0, threads=0))]
+    #[pyo3(signature = (points, *, link=None, only_link=None, level=Some(LevelArg::FINEST), threads=0),
+        text_signature = "(self, points, *, link=None, only_link=None, level=0, threads=0)")]
     fn locate(
         &self,
         py: Python<'_>,
         points: &Bound<'_, PyAny>,
         #[pyo3(from_py_with = arg)] link: Option<&str>,
         only_link: Option<&Bound<'_, PyAny>>,
-        #[pyo3(from_py_with = arg)] level: Option<i64>,
+        #[pyo3(from_py_with = arg)] level: Option<LevelArg>,
         #[pyo3(from_py_with = arg)] threads: i64,
     ) -> PyResult<PyHits> {
         let queries = self.queries("points", points, link, only_link)?;
-        let level = level.map(|level| self.level(level)).transpose()?;
+        let level = level.map(|level| level.of(self.map())).transpose()?;
         self.hits(py, threads, level, queries, |index, queries, stop| {
             Ok(Answers { hits: index.locate_all(queries, stop.run())?, ..Answers::default() })
         })
@@ -284,8 +291,9 @@ impl PyIndex {
     /// ------
     /// DataError
     ///     If shapes differ, a direction is 0, a number is not finite, or a link or the level is unknown.
-    #[pyo3(signature = (origins, directions, *, longest=None, link=None, only_link=None, level=0,
-        threads=0))]
+    #[pyo3(signature = (origins, directions, *, longest=None, link=None, only_link=None, level=Some(LevelArg::FINEST),
+        threads=0),
+        text_signature = "(self, origins, directions, *, longest=None, link=None, only_link=None, level=0, threads=0)")]
     #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
     fn ray(
         &self,
@@ -295,7 +303,7 @@ impl PyIndex {
         #[pyo3(from_py_with = arg)] longest: Option<f64>,
         #[pyo3(from_py_with = arg)] link: Option<&str>,
         only_link: Option<&Bound<'_, PyAny>>,
-        #[pyo3(from_py_with = arg)] level: Option<i64>,
+        #[pyo3(from_py_with = arg)] level: Option<LevelArg>,
         #[pyo3(from_py_with = arg)] threads: i64,
     ) -> PyResult<PyHits> {
         let mut queries = self.queries("origins", origins, link, only_link)?;
@@ -313,7 +321,7 @@ impl PyIndex {
             *direction = if *is_known { *direction } else { DVec3::X };
         }
         let longest = longest.unwrap_or(f64::INFINITY);
-        let level = level.map(|level| self.level(level)).transpose()?;
+        let level = level.map(|level| level.of(self.map())).transpose()?;
         self.hits(py, threads, level, queries, move |index, queries, stop| {
             let rays = queries.par_iter().zip(&directions).with_min_len(FEW).inspect(|_| stop.check());
             let hit = |(query, direction): (&Query, &DVec3)| index.first_hit(*query, *direction, longest);
@@ -329,9 +337,9 @@ impl PyIndex {
     /// ----------
     /// points : (k, 3) array_like
     ///     The points, in m.
-    /// level : int or None
-    ///     The level of the places on the map; patches that do not reach up to it give those of their coarsest. None: no
-    ///     places.
+    /// level : int, str or None
+    ///     The level of the places on the map; patches that do not reach up to it give those of their coarsest. Or one of
+    ///     `Map.field_levels`. None: no places.
     /// link, only_link, threads
     ///     As in `locate`.
     ///
@@ -348,14 +356,14 @@ impl PyIndex {
         &self,
         py: Python<'_>,
         points: &Bound<'_, PyAny>,
-        #[pyo3(from_py_with = arg)] level: Option<i64>,
+        #[pyo3(from_py_with = arg)] level: Option<LevelArg>,
         #[pyo3(from_py_with = arg)] link: Option<&str>,
         only_link: Option<&Bound<'_, PyAny>>,
         #[pyo3(from_py_with = arg)] threads: i64,
     ) -> PyResult<PyHits> {
         self.need("reactive", self.options.reactive)?;
         let queries = self.queries("points", points, link, only_link)?;
-        let level = level.map(|level| self.level(level)).transpose()?;
+        let level = level.map(|level| level.of(self.map())).transpose()?;
         self.hits(py, threads, level, queries, |index, queries, stop| {
             let answer = |query: &Query| {
                 let answer = index.reactive(*query)?;

@@ -6,11 +6,12 @@ use std::{
     hash::{Hash, Hasher},
     io::Write,
     path::PathBuf,
-    sync::{Arc, OnceLock},
+    sync::{Arc, Mutex, OnceLock, PoisonError},
 };
 
 use dermatome::{
     SkinMap,
+    body::FieldLevel,
     contact::{IndexOptions, MapIndex},
     id::VertexId,
     io::{
@@ -40,7 +41,10 @@ use crate::{
     matrix::{PyMatrix, Rows},
     options::{Extensive, PackArg, count, level},
     plot::{PlotArgs, PyPicture},
-    pool::{FieldArrays, Pooling, field_level, fields_of, pool_fields, pool_groups, pooling_of, starts},
+    pool::{
+        FieldArrays, LevelArg, MapLevel, NamedLevel, Pooling, fields_of, pool_fields, pool_groups,
+        pooling_of, pooling_of_fields, starts,
+    },
     renderer::{PyRenderer, RenderArgs},
 };
 
@@ -67,12 +71,15 @@ pub(crate) struct PyMap {
     remarks: Vec<String>,
     back: OnceLock<Arc<MapIndex>>,
     regions: OnceLock<FieldRegions>,
+    /// The levels without a mesh, ready for contacts.
+    named: Mutex<Vec<(FieldLevel, Arc<NamedLevel>)>>,
 }
 
 impl PyMap {
     fn new(map: SkinMap, file: Vec<u8>) -> Self {
         let (map, file, remarks) = (Arc::new(map), file.into(), Vec::new());
-        Self { map, file, remarks, back: OnceLock::new(), regions: OnceLock::new() }
+        let named = Mutex::default();
+        Self { map, file, remarks, back: OnceLock::new(), regions: OnceLock::new(), named }
     }
 
     /// The map of a file.
@@ -108,8 +115,19 @@ impl PyMap {
     }
 
     /// The regions of fields; found when they are first needed.
-    pub(crate) fn field_regions(&self) -> &FieldRegions {
+    pub(crate) fn regions_of_fields(&self) -> &FieldRegions {
         self.regions.get_or_init(|| FieldRegions::new(&self.map))
+    }
+
+    /// A level without a mesh, made ready when it is first needed.
+    pub(crate) fn named_level(&self, at: FieldLevel) -> Arc<NamedLevel> {
+        let mut made = self.named.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, known)) = made.iter().find(|(known, _)| *known == at) {
+            return Arc::clone(known);
+        }
+        let level = Arc::new(NamedLevel::new(&self.map, at));
+        made.push((at, Arc::clone(&level)));
+        level
     }
 
     fn taxels<'a, T: 'a>(&'a self, of: impl Fn(PatchId, &'a PatchMap) -> Vec<T>) -> Vec<T> {
@@ -555,8 +573,8 @@ impl PyMap {
     ///
     /// Parameters
     /// ----------
-    /// level : int
-    ///     The level; patches without it count those of their coarsest.
+    /// level : int or str
+    ///     The level; patches without it count those of their coarsest. Or one of `Map.field_levels`, as "body.L0".
     ///
     /// Returns
     /// -------
@@ -566,9 +584,50 @@ impl PyMap {
     /// ------
     /// DataError
     ///     If the map has no such level.
-    fn n_fields(&self, #[pyo3(from_py_with = arg)] level: i64) -> PyResult<usize> {
-        let level = self::level("level", level, self.levels())?;
-        Ok(starts(&self.map, level).last().copied().unwrap_or(0))
+    fn n_fields(&self, #[pyo3(from_py_with = arg)] level: LevelArg) -> PyResult<usize> {
+        Ok(match level.of(&self.map)? {
+            MapLevel::Patches(level) => starts(&self.map, level).last().copied().unwrap_or(0),
+            MapLevel::Fields(at) => self.map.fields_of(at).map_or(0, |fields| fields.origins.len()),
+        })
+    }
+
+    /// The named region of each field of a level: the one whose taxels have the largest sum of weights in it.
+    ///
+    /// Parameters
+    /// ----------
+    /// level : int or str
+    ///     The level, or one of `Map.field_levels`, as "body.L0".
+    ///
+    /// Returns
+    /// -------
+    /// (n,) int32 array
+    ///     Its number in `regions`, -1 for none, in the order of `pool`.
+    ///
+    /// Raises
+    /// ------
+    /// DataError
+    ///     If the map has no such level.
+    fn field_regions<'py>(
+        &self,
+        py: Python<'py>,
+        #[pyo3(from_py_with = arg)] level: LevelArg,
+    ) -> PyResult<Bound<'py, PyArray1<i32>>> {
+        let level = match level.of(&self.map)? {
+            MapLevel::Fields(at) => return Ok(vector(py, self.named_level(at).regions.clone())),
+            MapLevel::Patches(level) => level,
+        };
+        let regions = self.regions_of_fields();
+        let of_patch = |id, patch: &PatchMap| {
+            let level = patch.nearest_level(level);
+            let region = |field| regions.region(id, level, field).map_or(-1, |region| region.raw() as i32);
+            patch.levels[level].level.mesh.positions.ids().map(region).collect()
+        };
+        Ok(vector(py, self.taxels(of_patch)))
+    }
+
+    /// The name of a patch in the names of its levels, as the command writes them.
+    fn _name_in_levels(&self, #[pyo3(from_py_with = arg)] patch: &str) -> String {
+        self.map.name_in_levels(patch).into_owned()
     }
 
     /// Which fields a level of the whole map has, in the order in which `pool`, `pooling`, `Hits.fields`,
@@ -619,8 +678,8 @@ impl PyMap {
     ///
     /// Parameters
     /// ----------
-    /// level : int
-    ///     The level, 0 for the taxels themselves.
+    /// level : int or str
+    ///     The level, 0 for the taxels themselves, or one of the whole body, as "body.L0".
     /// patch : str, optional
     ///     The patch; by default all, whose taxels and fields follow each other in the order of the map. Patches
     ///     without this level have those of their coarsest.
@@ -638,12 +697,15 @@ impl PyMap {
     fn pooling(
         &self,
         py: Python<'_>,
-        #[pyo3(from_py_with = arg)] level: i64,
+        #[pyo3(from_py_with = arg)] level: LevelArg,
         #[pyo3(from_py_with = arg)] patch: Option<&str>,
     ) -> PyResult<PyMatrix> {
-        let level = self::level("level", level, self.levels())?;
+        let level = level.of(&self.map)?;
         let only = patch.map(|name| self.patch_named(name)).transpose()?;
-        Ok(pooling_of(py, &self.map, level, only))
+        match level {
+            MapLevel::Patches(level) => Ok(pooling_of(py, &self.map, level, only)),
+            MapLevel::Fields(at) => pooling_of_fields(py, &self.map, at, only),
+        }
     }
 
     /// Carry readings of the taxels to the receptive fields of a level.
@@ -685,26 +747,18 @@ impl PyMap {
         &self,
         py: Python<'py>,
         values: &Bound<'py, PyAny>,
-        level: &Bound<'py, PyAny>,
+        #[pyo3(from_py_with = arg)] level: LevelArg,
         #[pyo3(from_py_with = arg)] extensive: bool,
         #[pyo3(from_py_with = arg)] contrast: bool,
         #[pyo3(from_py_with = arg)] threads: i64,
     ) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
-        if let Ok(name) = level.extract::<String>() {
-            let level = field_level(&self.map, &name)?;
-            if contrast {
+        let level = match level.of(&self.map)? {
+            MapLevel::Patches(level) => level,
+            MapLevel::Fields(_) if contrast => {
                 return Err(bad("contrast", "True", "False for a level of the whole body or of a modality"));
             }
-            return pool_fields(py, &self.map, values, level, extensive);
-        }
-        let level = level.extract::<i64>().map_err(|_| {
-            bad(
-                "level",
-                level,
-                format!("a level from 0 to {}, or one of Map.field_levels", self.levels() - 1),
-            )
-        })?;
-        let level = self::level("level", level, self.levels())?;
+            MapLevel::Fields(at) => return pool_fields(py, &self.map, values, at, extensive),
+        };
         let (threads, pooling) =
             (count("threads", threads)?, Pooling { map: &self.map, level, extensive, contrast });
         pooling.pool(py, values, threads)

@@ -3,8 +3,9 @@
 use dermatome::{
     SkinMap,
     body::{Body, FieldLevel},
+    contact::FieldCells,
     id::VertexId,
-    map::PatchMap,
+    map::{PatchMap, RegionId},
     pyramid::LevelId,
     recording::{Batch, Carried},
     signal::{BodyFields, Channel, Duplicates, Frame, GroupPool, Join, SignalError},
@@ -18,7 +19,7 @@ use crate::{
     errors::{bad, error},
     jobs::run_here,
     matrix::{PyMatrix, Rows},
-    options::{channels, quantity},
+    options::{channels, level, quantity},
 };
 
 /// Patch, level and index of each field.
@@ -137,6 +138,75 @@ pub(crate) fn field_level(map: &SkinMap, name: &str) -> PyResult<FieldLevel> {
         format!("{name:?}"),
         format!("a number, or one of Map.field_levels: {}", names.join(", ")),
     ))
+}
+
+/// A level of a map: of patches, or one without a mesh.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum MapLevel {
+    Patches(LevelId),
+    Fields(FieldLevel),
+}
+
+/// A level by its number or its name.
+#[derive(Debug, FromPyObject)]
+pub(crate) enum LevelArg {
+    Number(i64),
+    Name(String),
+}
+
+impl LevelArg {
+    /// The finest level of the patches.
+    pub(crate) const FINEST: Self = Self::Number(0);
+
+    /// The level of a map.
+    pub(crate) fn of(&self, map: &SkinMap) -> PyResult<MapLevel> {
+        let levels = map.patches.iter().map(|patch| patch.levels.len()).max().unwrap_or(0);
+        match self {
+            Self::Number(number) => level("level", *number, levels).map(MapLevel::Patches),
+            Self::Name(name) => field_level(map, name).map(MapLevel::Fields),
+        }
+    }
+}
+
+/// A level without a mesh, ready for contacts.
+#[derive(Debug)]
+pub(crate) struct NamedLevel {
+    pub(crate) cells: FieldCells,
+    /// The number of the region of each field, -1 for none.
+    pub(crate) regions: Vec<i32>,
+}
+
+impl NamedLevel {
+    pub(crate) fn new(map: &SkinMap, at: FieldLevel) -> Self {
+        let regions = map.regions().of_fields(&map.field_rows(at));
+        let number = |region: &Option<_>| region.map_or(-1, |region: RegionId| region.raw() as i32);
+        let regions = regions.iter().map(number).collect();
+        Self { cells: FieldCells::new(map, at, map.patches.ids()), regions }
+    }
+}
+
+/// How the taxels of the whole map, or of one patch, depend on the fields of a level of the whole body.
+pub(crate) fn pooling_of_fields(
+    py: Python<'_>,
+    map: &SkinMap,
+    at: FieldLevel,
+    only: Option<PatchId>,
+) -> PyResult<PyMatrix> {
+    if at.modality.is_some() {
+        return Err(bad(
+            "level",
+            "a level of a modality",
+            "a number, or a level of the whole body, as \"body.L0\"",
+        ));
+    }
+    let (of_patches, mut rows) = (map.field_rows(at), Rows::new());
+    let count = map.fields_of(at).map_or(0, |fields| fields.origins.len());
+    for (_, of_patch) in of_patches.enumerate().filter(|(id, _)| only.is_none_or(|only| only == *id)) {
+        for taxel in of_patch.iter().flat_map(|of_patch| of_patch.indices.ids().map(move |v| (of_patch, v))) {
+            rows.push(taxel.0.row(taxel.1).map(|(field, weight)| (field.index(), weight)));
+        }
+    }
+    Ok(rows.into_matrix(py, count))
 }
 
 /// Carries readings of the taxels of a map to the fields of a level of the whole body or of a modality, whose sensors they are

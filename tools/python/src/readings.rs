@@ -3,7 +3,7 @@
 use std::{collections::HashSet, path::PathBuf, sync::Arc};
 
 use dermatome::{
-    io::{KnownRest, Readings, ReadingsLayout, ReadingsReader, SummaryCell, summary_rows},
+    io::{KnownRest, Readings, ReadingsLayout, ReadingsReader, SummaryCell, summary_rows, summary_step_rows},
     recording::{Fill, Recording, RecordingOptions, in_order},
     signal::{
         Channel, ConditionOptions, Quantity, Response, Summary, Touch, TouchOptions, TouchSimulation,
@@ -184,10 +184,18 @@ pub(crate) fn condition_readings<'py>(
     Ok(conditioned)
 }
 
-/// The sums of readings (T, N) of one channel in the order of a map: a dict for each group, the threshold, and the number of
-/// gaps. Without a threshold it is estimated from the first frames, whose mean is subtracted.
+/// What has a row of a summary.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Rows {
+    Groups,
+    Steps,
+}
+
+/// The sums of readings (T, N) of one channel in the order of a map: a dict for each group, or with `by="step"` for each loading of a
+/// patch or a region; the threshold, and the number of gaps. Without a threshold it is estimated from the first frames, whose mean is subtracted.
 #[pyfunction]
-#[pyo3(signature = (map, values, timestamps, channel, unit, *, threshold=None, is_tared=false, stated=None, probe="any", level=None))]
+#[pyo3(signature = (map, values, timestamps, channel, unit, *, threshold=None, is_tared=false, stated=None, probe="any", level=None,
+    by="group"))]
 #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
 pub(crate) fn summarise_readings<'py>(
     py: Python<'py>,
@@ -201,6 +209,7 @@ pub(crate) fn summarise_readings<'py>(
     #[pyo3(from_py_with = arg)] stated: Option<f64>,
     #[pyo3(from_py_with = arg)] probe: &str,
     #[pyo3(from_py_with = arg)] level: Option<&str>,
+    #[pyo3(from_py_with = arg)] by: &str,
 ) -> PyResult<(Bound<'py, PyList>, Option<f64>, usize)> {
     let values = floats("values", values)?;
     let &[frames, width] = values.shape() else {
@@ -215,10 +224,14 @@ pub(crate) fn summarise_readings<'py>(
         rest: KnownRest { is_zero: is_tared, threshold: stated },
     };
     let probe = self::probe(probe)?;
+    let by = word("by", by, &[("group", Rows::Groups), ("step", Rows::Steps)])?;
     // Contacts need a threshold above 0.
     let threshold = threshold.map(|x| if x == 0.0 { f64::MIN_POSITIVE } else { x });
     let map = Arc::clone(&map.get().map);
     let level = level.map(|name| field_level(&map, name)).transpose()?;
+    if by == Rows::Steps && level.is_some() {
+        return Err(bad("level", "a level and by=\"step\"", "one of the two"));
+    }
     let made = run(py, 0, move |stop| -> Result<_, dermatome::Error> {
         let mut recording =
             Recording::open(&map, ReadingsReader::memory(readings)?, &RecordingOptions::default())?;
@@ -227,13 +240,17 @@ pub(crate) fn summarise_readings<'py>(
         let options = TrackerOptions { threshold, probe, low: probe.low(), ..known };
         match level {
             Some(level) => recording.summarise_fields(&options, level),
+            None if by == Rows::Steps => recording.summarise_steps(&options),
             None => recording.summarise(&options),
         }?;
         while recording.next_step()?.is_some() {
             stop.check();
         }
         let summary = recording.summary();
-        let rows = summary.map_or_else(Vec::new, |summary| summary_rows(&map, summary));
+        let rows = summary.map_or_else(Vec::new, |summary| match by {
+            Rows::Groups => summary_rows(&map, summary),
+            Rows::Steps => summary_step_rows(&map, summary, ""),
+        });
         Ok((rows, recording.threshold(), summary.map_or(0, Summary::gaps)))
     })?;
     let (rows, threshold, gaps) = made.map_err(error)?;

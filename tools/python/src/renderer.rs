@@ -363,7 +363,7 @@ impl PyRenderer {
     /// (H, W) int32 array: Number of the named region in `Map.regions` of the field nearest to each pixel, -1 for none.
     #[getter]
     fn region<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<i32>>> {
-        let regions = self.map.get().field_regions();
+        let regions = self.map.get().regions_of_fields();
         self.pixels(py, -1, |patch, vertex| {
             let level = self.map().patches[patch].nearest_level(self.plan.level);
             regions.region(patch, level, vertex).map_or(-1, |region| region.raw() as i32)

@@ -3,8 +3,11 @@
 import copy
 import json
 import pickle
+import subprocess
+import sys
 
 import dermatome
+import dermatome.lerobot
 import numpy as np
 import pytest
 from dermatome import Readings
@@ -139,3 +142,72 @@ def test_modalities_have_levels_of_the_whole_body(tmp_path):
     with pytest.raises(dermatome.DataError, match="readings of thermal"):
         pressures = dermatome.Readings(np.ones((5, 1, 288)), made.ids, np.arange(5) * 0.1, ("pressure",), ("Pa",))
         pressures.summary(made, threshold=0.5, level="body.thermal.L0")
+
+
+def test_levels_without_a_mesh_are_levels_everywhere(tmp_path):
+    rows = [
+        f"{144 * right + 12 * y + x + 1},{0.065 * right + 0.005 * x},{0.005 * y},0,{name}"
+        for right, name in enumerate(["arm", "body"])
+        for y in range(12)
+        for x in range(12)
+    ]
+    (tmp_path / "skin.csv").write_text("id,x,y,z,patch\n" + "\n".join(rows))
+    made = dermatome.build(dermatome.Skin.read(tmp_path / "skin.csv")).with_regions({"left": range(1, 145), "right": range(145, 289)})
+    count = made.n_fields("body.L0")
+    values = np.random.default_rng(3).uniform(1, 2, (4, 2, 288))
+    values[:, :, 7] = np.nan
+    # The law of fields, by the matrix of the level.
+    to_fields, known = made.pooling("body.L0"), np.isfinite(values)
+    weights = np.zeros(to_fields.shape)
+    weights[np.repeat(np.arange(288), np.diff(to_fields.indptr)), to_fields.indices] = to_fields.data
+    assert weights.shape == (288, count) and np.allclose(weights.sum(axis=1), 1)
+    assert np.allclose(made.pool(values, "body.L0", extensive=True), np.where(known, values, 0) @ weights)
+    assert made.pooling("body.L0", patch="body").shape == (144, count)
+    # Fields on both sides of the gap.
+    regions = made.field_regions("body.L0")
+    assert regions.shape == (count,) and set(regions) == {0, 1} and len(made.field_regions(1)) == made.n_fields(1)
+    hits = made.index().locate([[0.0575, 0.02, 0.001], [np.nan] * 3, [0.1, 0.03, 0]], level="body.L0")
+    shares = hits.fields
+    assert hits.uv is None and hits.pixel is None and shares.shape == (3, count)
+    assert np.allclose(np.add.reduceat(shares.data, shares.indptr[[0, 2]]), 1) and shares.indptr[1] == shares.indptr[2]
+    assert list(hits.level) == [0, -1, 0] and hits.field[1] == -1 and list(hits.region == -1) == [False, True, False]
+    assert all(hits.region[k] == regions[hits.field[k]] for k in (0, 2))
+    # What a dataset keeps is what the command writes.
+    readings = dermatome.Readings(values, made.ids, np.arange(4) * 0.1, ("p", "q"), ("Pa", "N"))
+    kept = readings.features(made, "body.L0")
+    assert {key: each["shape"] for key, each in kept.items()} == {"observation.tactile.body.L0": (2 * count,)}
+    pooled = readings.pooled(made, "body.L0")
+    assert np.array_equal(kept["observation.tactile.body.L0"]["values"], pooled.reshape(4, -1))
+    made.write(tmp_path / "map.glb")
+    readings.write(tmp_path / "r.npz")
+    render = ["render", tmp_path / "map.glb", tmp_path / "r.npz", "-o", tmp_path / "o.npz", "--values-only", "-q"]
+    subprocess.run([sys.executable, "-m", "dermatome", *map(str, render)], check=True)
+    of_command = json.loads((tmp_path / "o.features.json").read_text())
+    for level in (0, "body.L0"):
+        assert set(readings.features(made, level)) <= set(of_command), level
+        assert set(dermatome.lerobot.masks(made, level)) == set(readings.features(made, level))
+        of_frame = dermatome.lerobot.frame(made, values[0, 0], level)
+        assert {key: each.shape for key, each in of_frame.items()} == {key: each["shape"] for key, each in dermatome.lerobot.features(made, level).items()}
+    for call in (made.n_fields, made.pooling, made.field_regions, lambda level: made.index().locate([[0, 0, 0]], level=level)):
+        with pytest.raises(dermatome.DataError, match=r"body\.L9.*body\.L0"):
+            call("body.L9")
+        with pytest.raises(dermatome.ArgumentError, match="level: found"):
+            call([1])
+
+
+def test_steps_are_rows_of_a_summary():
+    made = dermatome.build(dermatome.Skin.from_arrays([[0.01 * x, 0.01 * y, 0] for y in range(4) for x in range(6)], patch="left sole"))
+    values = np.zeros((100, 1, 24))
+    values[10:40], values[60:80] = 2e4, 3e4
+    readings = dermatome.Readings(values, None, np.arange(100) * 0.01, ("pressure",), ("Pa",), is_tared=True)
+    steps = readings.summary(made, threshold=1000, by="step")
+    of_patch = [step for step in steps if step["group"] == "patch"]
+    assert [(step["step"], step["side"], step["frames"]) for step in of_patch] == [(0, "left", 30), (1, "left", 20)]
+    assert np.allclose([step["peak"] for step in of_patch], [2e4, 3e4])
+    groups = readings.summary(made, threshold=1000)
+    whole = groups[0]
+    assert np.isclose(sum(step["impulse"] for step in of_patch), whole["impulse"], rtol=1e-6)
+    with pytest.raises(dermatome.DataError, match="by: found"):
+        readings.summary(made, threshold=1000, by="steps")
+    with pytest.raises(dermatome.DataError, match="level"):
+        readings.summary(made, threshold=1000, by="step", level="body.L0")

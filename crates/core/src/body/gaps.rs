@@ -4,10 +4,10 @@ use crate::body::Body;
 use crate::body::rest::Rest;
 use crate::skin::{PatchId, Skin};
 
-/// A gap between two patches.
+/// A gap between two patches, or slits of one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Gap {
-    /// The patches, the first before the second.
+    /// The patches, the first before the second; a patch twice where its slits have links.
     pub patches: [PatchId; 2],
     /// Number of its links.
     pub links: usize,

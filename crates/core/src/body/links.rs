@@ -1,22 +1,27 @@
-//! Gap links: pairs of taxels that face each other over a gap between patches.
+//! Gap links: pairs of taxels that face each other over a gap between patches, or over a slit of one.
 
 use std::cell::RefCell;
 
 use glam::DVec3;
 
 use crate::body::BodyTaxel;
+use crate::body::graph::Graph;
 use crate::body::rest::{Rest, are_joined};
 use crate::bvh::{Aabb, BoxTree, PointTree};
-use crate::id::VertexId;
-use crate::mesh::VertexCorners;
+use crate::id::{IdVec, VertexId};
+use crate::mesh::{TriMesh, VertexCorners, boundary_loops};
+use crate::numeric::{DisjointSets, each_by_distance};
 use crate::parallel::par_collect;
-use crate::skin::Skin;
+use crate::skin::{PatchId, Skin};
 
 /// Widest gap, in mean spacings of the two taxels.
 const WIDEST: f64 = 3.5;
 
 /// Largest sine of the angle between a link and the surfaces at its ends: 45 degrees.
 const STEEPEST: f64 = 0.7;
+
+/// The way on the sheet around a slit, at least, in its width.
+const AROUND: f64 = 4.0;
 
 /// Two sheets closer than this share of the spacing are layers at one place.
 const LAYERS: f64 = 0.5;
@@ -37,14 +42,92 @@ const LAYERS: f64 = 0.5;
 /// assert!(gap_links(&skin, Some(0.008)).is_empty());
 /// ```
 pub fn gap_links(skin: &Skin, across: Option<f64>) -> Vec<[BodyTaxel; 2]> {
-    if skin.patches.len() < 2 || across.is_some_and(|most| most.is_nan() || most <= 0.0) {
+    if across.is_some_and(|most| most.is_nan() || most <= 0.0) {
+        return Vec::new();
+    }
+    let slits = skin.patches.map(|patch| slits(&patch.mesh));
+    if skin.patches.len() < 2 && slits.iter().all(Vec::is_empty) {
         return Vec::new();
     }
     let rest = Rest::new(skin);
     let widest = |a: usize, b: usize| across.unwrap_or(0.5 * WIDEST * (rest.spacing[a] + rest.spacing[b]));
-    let links = between_patches(skin, &rest, across, &widest);
+    let mut links =
+        if skin.patches.len() < 2 { Vec::new() } else { between_patches(skin, &rest, across, &widest) };
+    links.extend(over_slits(skin, &rest, &slits, &widest));
     let mut links: Vec<[BodyTaxel; 2]> = links.into_iter().map(|ends| ends.map(|k| rest.taxels[k])).collect();
     links.sort_unstable();
+    links
+}
+
+/// The holes of a patch: the loops of the boundary of each piece but for the longest.
+fn slits(mesh: &TriMesh) -> Vec<Vec<VertexId>> {
+    let loops = boundary_loops(mesh);
+    if loops.len() < 2 {
+        return Vec::new();
+    }
+    let mut sets = DisjointSets::<VertexId>::new(mesh.positions.len());
+    for &[a, b, c] in &mesh.triangles {
+        sets.join(a, b);
+        sets.join(b, c);
+    }
+    let place = |v: &VertexId| mesh.positions[*v];
+    let length = |of: &[VertexId]| -> f64 {
+        let next = of.iter().cycle().skip(1);
+        of.iter().zip(next).map(|(a, b)| place(a).distance(place(b))).sum()
+    };
+    let lengths: Vec<(VertexId, f64)> = loops
+        .iter()
+        .map(|of| (of.first().map_or_else(VertexId::default, |&v| sets.root(v)), length(of)))
+        .collect();
+    // Of equally long ones the first is the outer rim.
+    let is_hole = |k: usize| {
+        let (piece, own) = lengths[k];
+        let is_longer = |(other, (of, length)): (usize, &(VertexId, f64))| {
+            *of == piece && (*length > own || (*length == own && other < k))
+        };
+        lengths.iter().enumerate().any(is_longer)
+    };
+    loops.into_iter().enumerate().filter(|(k, _)| is_hole(*k)).map(|(_, of)| of).collect()
+}
+
+/// Links of taxels on the rim of one hole, by number, the first before the second.
+fn over_slits(
+    skin: &Skin,
+    rest: &Rest,
+    slits: &IdVec<PatchId, Vec<Vec<VertexId>>>,
+    widest: &impl Fn(usize, usize) -> f64,
+) -> Vec<[usize; 2]> {
+    let mut links = Vec::new();
+    for (patch, holes) in slits.enumerate().filter(|(_, holes)| !holes.is_empty()) {
+        let (start, graph) = (rest.start(patch), Graph::of_patch(patch, &skin.patches[patch].mesh));
+        let tree = PointTree::new(&rest.positions, |k| rest.normals[k]);
+        let (mut distances, mut reached) = (vec![f64::INFINITY; graph.origins.len()], Vec::new());
+        let rims = holes.iter().flat_map(|hole| (0..hole.len()).map(move |k| (hole[k], &hole[k + 1..])));
+        for (v, others) in rims {
+            let a = start + v.index();
+            for b in others.iter().map(|other| start + other.index()) {
+                let along = rest.positions[b] - rest.positions[a];
+                let width = along.length();
+                if width == 0.0
+                    || width > widest(a, b)
+                    || !rest.face(a, b, along / width)
+                    || !rest.is_alone([a, b], &tree)
+                {
+                    continue;
+                }
+                let mut way = f64::INFINITY;
+                each_by_distance(&graph.ways, v.index(), &mut distances, &mut reached, |at, distance| {
+                    if start + at as usize == b {
+                        way = distance;
+                    }
+                    way.is_infinite() && distance <= AROUND * width
+                });
+                if way > AROUND * width {
+                    links.push([a.min(b), a.max(b)]);
+                }
+            }
+        }
+    }
     links
 }
 
@@ -97,13 +180,8 @@ fn between_patches(
                     {
                         return;
                     }
-                    let along = along.normalize_or_zero();
-                    let is_flat = |k: usize| along.dot(rest.normals[k]).abs() < STEEPEST;
-                    let is_like = rest.normals[a].dot(rest.normals[b]) > 0.0;
                     // Two layers at one place have no gap.
-                    if is_like
-                        && is_flat(a)
-                        && is_flat(b)
+                    if rest.face(a, b, along.normalize_or_zero())
                         && rest.is_alone([a, b], &tree)
                         && !(is_on_sheet(a, b) && is_on_sheet(b, a))
                     {
@@ -113,6 +191,15 @@ fn between_patches(
             );
         }
     })
+}
+
+impl Rest {
+    /// Whether two taxels have normals within 90 degrees, and the way from one to the other is within 45 degrees of both
+    /// surfaces.
+    fn face(&self, a: usize, b: usize, along: DVec3) -> bool {
+        let is_flat = |k: usize| along.dot(self.normals[k]).abs() < STEEPEST;
+        self.normals[a].dot(self.normals[b]) > 0.0 && is_flat(a) && is_flat(b)
+    }
 }
 
 /// Taxels near one that hide those behind them: they lie in the ball over the segment to these, so that there is no link.

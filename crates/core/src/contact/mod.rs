@@ -25,6 +25,7 @@
 //! - [`ContactIndex::set_motion`] poses the links by a [`Motion`](crate::skin::Motion) over time.
 //! - A query is in the world or in the frame of any [link](Query::link), and searches all patches or those of
 //!   [one link](Query::only_link).
+//! - [`FieldCells`] are the fields of the whole body, or of a modality, that a contact lies in.
 //! - [`LiveTaxels`] gives the nearest working taxel.
 //! - [`MapIndex`] is the inverse lookup: from a point of the map of any level to the surface.
 //! - [`Spreader`](crate::signal::Spreader) computes readings of taxels from the forces of contacts.
@@ -53,7 +54,8 @@
 //! `query` (queries and answers), `posed_links` (poses of the links), `patch_bvh` (a mesh in a tree; the
 //! trees are those of `crate::bvh`), `patch` (the data of a patch in an index), `index` (the nearest point,
 //! rays), `fields`; `coarse` (octrees, and the proof of their intervals) and `reactive` (answers in constant
-//! time); `cell` (from a hit to the map), `map_index` (from the map to the skin), `live_taxels` (the nearest
+//! time); `cell` (from a hit to the map), `field_cells` (from a
+//! hit to fields without a map), `map_index` (from the map to the skin), `live_taxels` (the nearest
 //! working taxel); `measure` (costs of answers on each level).
 //!
 //! # Example
@@ -83,6 +85,7 @@
 mod cell;
 mod coarse;
 mod error;
+mod field_cells;
 mod fields;
 mod index;
 mod posed_links;
@@ -99,6 +102,7 @@ mod soup;
 
 pub use cell::{Cell, FieldWeights};
 pub use error::ContactError;
+pub use field_cells::FieldCells;
 pub use index::{ContactIndex, ON_SKIN_SPACINGS};
 pub use live_taxels::LiveTaxels;
 pub use map_index::{MapIndex, MapPlace};

@@ -45,6 +45,15 @@ def checked(map: Map, level: Any) -> int:
     return number
 
 
+def field_counts(map: Map, level: int | str) -> list[tuple[str, int, slice]]:
+    """Name, number of fields and fields of each patch, in the order of `Map.pool`; of a level without a mesh, as "body.L0", its own
+    name and all its fields."""
+    if isinstance(level, str):
+        count = map.n_fields(level)
+        return [(level, count, slice(0, count))]
+    return [(name, len(of.areas), fields) for name, of, fields in fields_of(map, level)]
+
+
 def fields_of(map: Map, level: int) -> list[tuple[str, Level, slice]]:
     """Name, level and fields of each patch, in the order of `Map.pool`."""
     made: list[tuple[str, Level, slice]] = []

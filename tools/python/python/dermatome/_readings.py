@@ -453,20 +453,21 @@ class Readings:
         options = _conditioning.Options(scale, offset, baseline, zero, gain, response, clip, split, rate, fill)
         return _conditioning.condition(readings, map, options)
 
-    def features(self, map: Map, level: int = 1) -> dict[str, dict[str, Any]]:
+    def features(self, map: Map, level: int | str = 1) -> dict[str, dict[str, Any]]:
         """What a LeRobot dataset keeps of these readings, as `dermatome render` describes it in `features.json`.
 
         Parameters
         ----------
         map : Map
             The map in whose order they are.
-        level : int
-            The level whose values are kept; a patch without it has those of its coarsest level.
+        level : int or str
+            The level whose values are kept; a patch without it has those of its coarsest level. Or one of `Map.field_levels`, as
+            "body.L1".
 
         Returns
         -------
         dict
-            For each patch its `dtype`, `shape` and `names`, and `values` (T, C n) float32:
+            For each patch, or for the level without a mesh, its `dtype`, `shape` and `names`, and `values` (T, C n) float32:
             the values of its fields, channel by channel, 0 where there is none; `valid` (T, n) bool says
             which were measured.
 
@@ -485,7 +486,7 @@ class Readings:
         """
         import numpy as np
 
-        from dermatome._adapter import fields_of
+        from dermatome._adapter import field_counts
         from dermatome.lerobot import keys
 
         of_map = self.on(map)
@@ -495,7 +496,7 @@ class Readings:
             measured = replace(of_map, values=np.where(of_map.measured, of_map.values, np.nan)).pooled(map, level)
         made: dict[str, dict[str, Any]] = {}
         names = keys(map, level)
-        for name, _, fields in fields_of(map, level):
+        for name, _, fields in field_counts(map, level):
             part: Any = pooled[:, :, fields]
             known, shape = np.isfinite(part), (part.shape[1] * part.shape[2],)
             values: Any = np.where(known, part, np.float32(0))
@@ -541,8 +542,9 @@ class Readings:
         *,
         channel: str | None = None,
         threshold: float | None = None,
-        probe: Literal["any", "finger"] = "any",
+        probe: Literal["any", "finger", "foot"] = "any",
         level: str | None = None,
+        by: Literal["group", "step"] = "group",
     ) -> list[dict[str, Any]]:
         """The sums of a trial, as in pressure mapping: of the whole skin, its links, patches, named regions and contacts.
 
@@ -556,16 +558,18 @@ class Readings:
             A taxel is loaded above this, in the unit of the channel; 0: above 0. By default it is that of the file, if it
             states one. Else it is estimated from the first frames, in which nothing should touch the skin; unless
             readings are tared, the mean of these is subtracted.
-        probe : {"any", "finger"}
-            What touches the skin, for contacts that are close to each other.
+        probe : {"any", "finger", "foot"}
+            What touches the skin, for contacts that are close to each other; parts of one foot are one contact.
         level : str, optional
             A level of the whole body or of a modality, as "body.L1" or "arm.thermal.L0" (`Map.field_levels`), whose fields are
             groups, too.
+        by : {"group", "step"}
+            What a row is of: a group, or each loading of a patch or a region from begin to end, as the steps of a gait.
 
         Returns
         -------
         list of dict
-            One for each group, with the columns of `dermatome summary`; None where something is not known.
+            One for each group or step, with the columns of `dermatome summary`; None where something is not known.
 
         Raises
         ------
@@ -600,6 +604,7 @@ class Readings:
             stated=joined.threshold,
             probe=probe,
             level=level,
+            by=by,
         )
         if found is None:
             raise DataError("threshold: found none, and the noise cannot be estimated from one frame; needed: a number")

@@ -294,10 +294,10 @@ class Recording:
 
         write_oxt(self, path, map, level, areas, side)
 
-    def write_lerobot(self, path: str | os.PathLike[str], map: Map, level: int = 1, *, repo_id: str | None = None) -> Any:
+    def write_lerobot(self, path: str | os.PathLike[str], map: Map, level: int | str = 1, *, repo_id: str | None = None) -> Any:
         """Write a copy of a LeRobot dataset with the values of the fields of a map as features, by lerobot's `add_features`.
 
-        Features are those of `dermatome.lerobot.features`, for each channel.
+        Features are those of `dermatome.lerobot.features`, for each channel; also of a level without a mesh, as `level="body.L1"`.
 
         Returns
         -------

@@ -67,8 +67,8 @@ class Pool(_Gather):
     ----------
     map : Map
         The map.
-    level : int
-        The level; a patch without it has its coarsest level.
+    level : int or str
+        The level; a patch without it has its coarsest level. Or one of the whole body, as "body.L0".
     patch : str, optional
         A patch, whose readings and fields alone there are then.
     extensive : bool
@@ -83,7 +83,7 @@ class Pool(_Gather):
     True
     """
 
-    def __init__(self, map: Map, level: int, *, patch: str | None = None, extensive: bool = False) -> None:
+    def __init__(self, map: Map, level: int | str, *, patch: str | None = None, extensive: bool = False) -> None:
         taxel, field, weight, shape = shares(map, level, patch, extensive)
         # Averages need shares, not areas: those of a field have the sum 1 if none is missing.
         scale = 1.0 if extensive else np.bincount(field, weights=weight, minlength=shape[0])[field]
@@ -189,8 +189,8 @@ class Touches(torch.utils.data.Dataset):  # type: ignore[misc, type-arg, unused-
     truth : dict, optional
         The contacts of these frames, as `touch` returns them, its `time` that of the frame; by default a `ContactTracker` finds them in the first channel that
         measures touches.
-    level : int
-        The level of the fields.
+    level : int or str
+        The level of the fields; also one of `Map.field_levels`, as "body.L0".
     size : sequence of int
         Height and width of the images, which show level 0.
     patch : str, optional
@@ -224,7 +224,7 @@ class Touches(torch.utils.data.Dataset):  # type: ignore[misc, type-arg, unused-
         readings: Readings,
         truth: dict[str, Any] | None = None,
         *,
-        level: int = 1,
+        level: int | str = 1,
         size: Sequence[int] = (64, 64),
         patch: str | None = None,
         fill: float = 0.0,

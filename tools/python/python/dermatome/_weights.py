@@ -12,7 +12,7 @@ from dermatome._errors import DataError
 LEAST = 1e-18
 
 
-def shares(map: Map, level: int, patch: str | None, extensive: bool) -> tuple[Any, Any, Any, tuple[int, int]]:
+def shares(map: Map, level: int | str, patch: str | None, extensive: bool) -> tuple[Any, Any, Any, tuple[int, int]]:
     """Taxel, field and weight of every share that a taxel that is present has in a field, and the numbers of both.
 
     Averages are weighted by areas (m^2).
@@ -21,7 +21,7 @@ def shares(map: Map, level: int, patch: str | None, extensive: bool) -> tuple[An
     if patch is not None and patch not in map.patches:
         raise DataError(f"patch: found {patch!r}; needed: one of {list(map.patches)[:10]}")
     of = list(map.patches.values()) if patch is None else [map.patches[patch]]
-    direct = map.pooling(checked(map, level), patch=patch)
+    direct = map.pooling(level if isinstance(level, str) else checked(map, level), patch=patch)
     taxels, fields = direct.shape
     present = map.present[of[0].start : of[0].start + taxels] == 1
     taxel = np.repeat(np.arange(taxels), np.diff(direct.indptr))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from dermatome._adapter import fields_of, need
+from dermatome._adapter import field_counts, need
 from dermatome._dermatome import Map, Renderer, as_floats
 from dermatome._errors import DataError
 
@@ -13,36 +13,41 @@ __all__ = ["features", "frame", "keys", "masks"]
 PREFIX = "observation.tactile"
 
 
-def key(patch: str, level: int) -> str:
-    """The name of a feature: no slash, as LeRobot wants it.
+def key(patch: str, level: int | str) -> str:
+    """The name of a feature: no slash, as LeRobot wants it; of a level without a mesh, as "body.L0", the name of that level.
 
     Raises
     ------
     DataError
         If the level is no whole number from 0 on.
     """
-    return f"{PREFIX}.{patch.replace('/', '_')}.L{level}"
+    name = level if isinstance(level, str) else f"{patch}.L{level}"
+    return f"{PREFIX}.{name.replace('/', '_')}"
 
 
-def keys(map: Map, level: int) -> dict[str, str]:
-    """The feature of each patch: `key`, with a number where two patches would have the same one.
+def keys(map: Map, level: int | str) -> dict[str, str]:
+    """The feature of each patch: `key`, with a number where two patches would have the same one. Of a level without a mesh there is one
+    feature, which has the name of the level. Next to levels of the whole body a patch called `body` is `%62ody`.
 
     Raises
     ------
     DataError
         If the map has no such level.
     """
+    if isinstance(level, str):
+        return {name: key(name, level) for name, _, _ in field_counts(map, level)}
     taken: dict[str, str] = {}
     for name in map.patches:
-        free, number = name, 1
+        plain = map._name_in_levels(name)
+        free, number = plain, 1
         while key(free, level) in taken:
             number += 1
-            free = f"{name}_{number}"
+            free = f"{plain}_{number}"
         taken[key(free, level)] = name
     return {name: feature for feature, name in taken.items()}
 
 
-def features(map: Map, level: int = 1, *, images: dict[str, Renderer] | None = None) -> dict[str, dict[str, Any]]:
+def features(map: Map, level: int | str = 1, *, images: dict[str, Renderer] | None = None) -> dict[str, dict[str, Any]]:
     """The features of every patch, for `LeRobotDataset.create`.
 
     Each `observation.tactile.PATCH.LEVEL` has a feature `....valid` next to it, which is 1 where the value of a frame is
@@ -62,9 +67,9 @@ def features(map: Map, level: int = 1, *, images: dict[str, Renderer] | None = N
     """
     made: dict[str, dict[str, Any]] = {}
     names = keys(map, level)
-    for name, of, _ in fields_of(map, level):
+    for name, count, _ in field_counts(map, level):
         for feature in (names[name], f"{names[name]}.valid"):
-            made[feature] = {"dtype": "float32", "shape": (len(of.areas),), "names": None}
+            made[feature] = {"dtype": "float32", "shape": (count,), "names": None}
     for name, renderer in (images or {}).items():
         shape = (*renderer.shape, 3)
         made[f"observation.images.{name}"] = {"dtype": "image", "shape": shape, "names": ["height", "width", "channels"]}
@@ -74,7 +79,7 @@ def features(map: Map, level: int = 1, *, images: dict[str, Renderer] | None = N
 def frame(
     map: Map,
     values: Any,
-    level: int = 1,
+    level: int | str = 1,
     *,
     extensive: bool = False,
     images: dict[str, Renderer] | None = None,
@@ -107,7 +112,7 @@ def frame(
     finite, valid = np.where(known, pooled, np.float32(0)), known.astype(np.float32)
     made: dict[str, Any] = {}
     names = keys(map, level)
-    for name, _, fields in fields_of(map, level):
+    for name, _, fields in field_counts(map, level):
         made[names[name]] = finite[fields].copy()
         made[f"{names[name]}.valid"] = valid[fields].copy()
     for name, renderer in (images or {}).items():
@@ -116,7 +121,7 @@ def frame(
     return made
 
 
-def masks(map: Map, level: int = 1) -> dict[str, Any]:
+def masks(map: Map, level: int | str = 1) -> dict[str, Any]:
     """Which values of each feature are ever known: (n,) bool arrays, the same in every frame.
 
     Raises
@@ -126,4 +131,4 @@ def masks(map: Map, level: int = 1) -> dict[str, Any]:
     """
     np = need("numpy", "lerobot")
     known, names = np.isfinite(map.pool(np.zeros(map.n_taxels), level)), keys(map, level)
-    return {names[name]: known[fields].copy() for name, _, fields in fields_of(map, level)}
+    return {names[name]: known[fields].copy() for name, _, fields in field_counts(map, level)}

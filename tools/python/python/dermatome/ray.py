@@ -112,8 +112,8 @@ class Render:
         A `map.glb` that every worker can read, or `Map.to_bytes()`.
     folder : str or os.PathLike
         Where files are written: a folder that all workers share.
-    level : int
-        The level that is drawn, or whose fields have values.
+    level : int or str
+        The level that is drawn, or whose fields have values: without a renderer also one of `Map.field_levels`, as "body.L0".
     renderer : dict, optional
         Arguments of `Map.renderer` for images, as `{"size": (64, 96), "patch": "palm"}`; None: values of fields.
     stream, layout
@@ -124,7 +124,7 @@ class Render:
         self,
         map: str | os.PathLike[str] | bytes,
         folder: str | os.PathLike[str],
-        level: int = 0,
+        level: int | str = 0,
         renderer: Mapping[str, Any] | None = None,
         *,
         stream: str | None = None,
@@ -169,6 +169,8 @@ class Render:
     def _values(self, part: Readings) -> Any:
         if self.options is None:
             return part.pooled(self.map, self.level)
+        if isinstance(self.level, str):
+            raise DataError(f"level: found {self.level!r} and a renderer; needed: the number of a level, or no renderer")
         kinds = part.extensive
         if kinds not in self._draw:
             self._draw[kinds] = self.map.renderer(self.level, channels=len(kinds), extensive=list(kinds), **self.options)

@@ -40,7 +40,7 @@ def tensor(matrix: Matrix, *, device: Any = None, dtype: Any = None) -> Any:
 
 
 def pooling(
-    map: Map, level: int, *, patch: str | None = None, extensive: bool = False, device: Any = None, dtype: Any = None
+    map: Map, level: int | str, *, patch: str | None = None, extensive: bool = False, device: Any = None, dtype: Any = None
 ) -> Any:
     """The pooling of values where no reading is missing: (fields, taxels), sparse COO.
 

@@ -189,7 +189,7 @@ class _Rows:
         self.target.write(f"{self.name}/.zattrs", b"{}")
 
 
-def write_lerobot(recording: Any, path: Any, map: Any, level: int, repo_id: str | None) -> Any:
+def write_lerobot(recording: Any, path: Any, map: Any, level: int | str, repo_id: str | None) -> Any:
     """A copy of a dataset with features of the fields of a map."""
     np = need("numpy", "lerobot")
     root = Path(recording.path)
