@@ -112,7 +112,10 @@ pub(super) fn robot_of(source: &Source) -> Result<Robot> {
     }
     if unused > 0 {
         let patch = if robot.name.is_empty() { source.stem() } else { robot.name.clone() };
-        let what = format!("{unused} definitions of xacro are not used by anything, and not read");
+        let what = match unused {
+            1 => "1 definition of xacro is not used by anything, and not read".to_owned(),
+            n => format!("{n} definitions of xacro are not used by anything, and not read"),
+        };
         robot.remarks.push(Remark { patch, kind: RemarkKind::PassedOver { what } });
     }
     let mut taxels = 0;
