@@ -1,12 +1,13 @@
 //! The columns of a table of contacts about touches: `touch`, `contact`, `weight`, `qx,qy,qz,qw`, `px,py,pz,radius`, `outx,outy,outz`,
-//! `pathx,pathy,pathz`.
+//! `pathx,pathy,pathz`, and `dx:NAME,dy:NAME,dz:NAME` for each joint NAME, `dx:NAME[m]` and so on for one that slides.
 
 use std::io::Write;
 
 use glam::DVec3;
 
-use crate::calib::{Observations, TouchRow, TouchingBody};
+use crate::calib::{Observations, TouchJoint, TouchRow, TouchingBody};
 use crate::io::error::Result;
+use crate::io::table::touch_log::{is_of_joint, joint_of, names_of_joint};
 use crate::io::table::writer::TableWriter;
 use crate::io::table::{Columns, Row};
 
@@ -26,7 +27,7 @@ pub(super) const TOUCH_COLUMNS: [&str; 17] = [
 ];
 
 /// The columns that a table has.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub(super) struct TouchColumns {
     touch: Option<usize>,
     contact: Option<usize>,
@@ -35,6 +36,9 @@ pub(super) struct TouchColumns {
     body: Option<[usize; 4]>,
     outward: Option<[usize; 3]>,
     path: Option<[usize; 3]>,
+    /// The joints, and their columns.
+    pub(super) joints: Vec<TouchJoint>,
+    by_joints: Vec<[usize; 3]>,
 }
 
 impl TouchColumns {
@@ -44,11 +48,20 @@ impl TouchColumns {
         let (probe, body) = (columns.find_vector(PROBE)?, columns.find_vector(BODY)?);
         let (outward, path) = (columns.find_vector(OUTWARD)?, columns.find_vector(PATH)?);
         let has_vector = probe.or(body).is_some() || outward.or(path).is_some();
-        let has_any = touch.or(contact).or(weight).is_some() || has_vector;
-        Ok(has_any.then_some(Self { touch, contact, weight, probe, body, outward, path }))
+        let mut joints: Vec<TouchJoint> = Vec::new();
+        for joint in columns.names().filter_map(joint_of) {
+            if !joints.contains(&joint) {
+                joints.push(joint);
+            }
+        }
+        let of_joint =
+            |joint: &TouchJoint| columns.need_vector(names_of_joint(joint).each_ref().map(|name| &**name));
+        let by_joints: Vec<[usize; 3]> = joints.iter().map(of_joint).collect::<Result<_>>()?;
+        let has_any = touch.or(contact).or(weight).is_some() || has_vector || !joints.is_empty();
+        Ok(has_any.then_some(Self { touch, contact, weight, probe, body, outward, path, joints, by_joints }))
     }
 
-    pub(super) fn read(self, row: Row<'_>) -> Result<TouchRow> {
+    pub(super) fn read(&self, row: Row<'_>) -> Result<TouchRow> {
         let whole = |column: usize| {
             row.text(column).parse::<u64>().map_err(|_| row.invalid(column, "a whole number, 0 or more"))
         };
@@ -72,12 +85,13 @@ impl TouchColumns {
             body: self.body.map(body).transpose()?,
             outward: self.outward.map(vector).transpose()?,
             path: self.path.map(vector).transpose()?,
+            by_joints: self.by_joints.iter().map(|&columns| vector(columns)).collect::<Result<_>>()?,
         })
     }
 }
 
 /// The columns that a table of these observations has: those of its first contact.
-pub(super) fn written(observations: &Observations) -> Vec<&'static str> {
+pub(super) fn written(observations: &Observations) -> Vec<String> {
     let Some(first) = observations.touches.iter().next() else { return Vec::new() };
     let touch = first.touch.map(|_| TOUCH);
     let contact = first.contact.map(|_| CONTACT);
@@ -85,21 +99,25 @@ pub(super) fn written(observations: &Observations) -> Vec<&'static str> {
     let directions = [first.outward.map(|_| OUTWARD), first.path.map(|_| PATH)];
     let vectors = [probe, body].into_iter().flatten().flatten();
     let vectors = vectors.chain(directions.into_iter().flatten().flatten());
-    touch.into_iter().chain(contact).chain([WEIGHT]).chain(vectors).collect()
+    let names = touch.into_iter().chain(contact).chain([WEIGHT]).chain(vectors).map(str::to_owned);
+    let joints = observations.joints.iter().filter(|_| !first.by_joints.is_empty());
+    names.chain(joints.flat_map(names_of_joint)).collect()
 }
 
 /// Writes the cells of a touch under `columns`; false if it lacks one of them, or has another.
-pub(super) fn write(columns: &[&str], row: &TouchRow, table: &mut TableWriter<impl Write>) -> bool {
+pub(super) fn write(columns: &[String], row: &TouchRow, table: &mut TableWriter<impl Write>) -> bool {
     if columns.is_empty() {
         return true;
     }
-    let fits = |name: &str, is_there: bool| columns.contains(&name) == is_there;
+    let fits = |name: &str, is_there: bool| columns.iter().any(|column| column == name) == is_there;
+    let has_joints = columns.iter().any(|column| is_of_joint(column));
     if !(fits(TOUCH, row.touch.is_some())
         && fits(CONTACT, row.contact.is_some())
         && fits(PROBE[0], row.probe.is_some())
         && fits(BODY[0], row.body.is_some())
         && fits(OUTWARD[0], row.outward.is_some())
-        && fits(PATH[0], row.path.is_some()))
+        && fits(PATH[0], row.path.is_some())
+        && has_joints == !row.by_joints.is_empty())
     {
         return false;
     }
@@ -108,5 +126,6 @@ pub(super) fn write(columns: &[&str], row: &TouchRow, table: &mut TableWriter<im
     table.decimals(row.probe.into_iter().flat_map(|q| q.to_array()));
     table.decimals(row.body.into_iter().flat_map(|b| [b.centre.x, b.centre.y, b.centre.z, b.radius]));
     table.decimals(row.outward.into_iter().chain(row.path).flat_map(|vector| vector.to_array()));
+    table.decimals(row.by_joints.iter().flat_map(|column| column.to_array()));
     true
 }

@@ -4,8 +4,9 @@ use std::{io::Cursor, path::PathBuf, sync::Arc};
 
 use dermatome::{
     calib::{
-        ContactMeasurement, ContactObservation, Displacement, DisplacementMeasurement, Information, Model,
-        Observations, Pose, PoseMeasurement, TaxelVariable, TouchRow, TouchingBody,
+        ContactMeasurement, ContactObservation, Displacement, DisplacementMeasurement, Information,
+        JointMotion, Model, Observations, Pose, PoseMeasurement, TaxelVariable, TouchJoint, TouchRow,
+        TouchingBody,
     },
     id::VertexId,
     io::{ObservationRemark, observations_from_stream, read_observations, write_observations},
@@ -208,7 +209,7 @@ impl PyObservations {
         taxels: Vec<TaxelState>,
         edges: Vec<EdgeState>,
         contacts: Vec<ContactState>,
-        touches: Vec<TouchState>,
+        (joints, touches): (Vec<JointState>, Vec<TouchState>),
         remarks: Vec<String>,
         assumed: Option<(String, bool)>,
     ) -> PyResult<Self> {
@@ -227,7 +228,7 @@ impl PyObservations {
             Some(ContactObservation { taxel: taxel(of)?, measurement: contact(&numbers)? })
         };
         let body = |[x, y, z, radius]: [f64; 4]| TouchingBody { centre: DVec3::new(x, y, z), radius };
-        let touch = |(touch, contact, weight, probe, by, outward, path): TouchState| TouchRow {
+        let touch = |((touch, contact, weight, probe), by, outward, path, by_joints): TouchState| TouchRow {
             touch,
             contact,
             weight,
@@ -235,6 +236,11 @@ impl PyObservations {
             body: by.map(body),
             outward: outward.map(DVec3::from_array),
             path: path.map(DVec3::from_array),
+            by_joints: by_joints.into_iter().map(DVec3::from_array).collect(),
+        };
+        let joint = |(name, slides): JointState| TouchJoint {
+            name,
+            motion: if slides { JointMotion::Slides } else { JointMotion::Turns },
         };
         let made = || {
             Some(Observations {
@@ -243,6 +249,7 @@ impl PyObservations {
                 edges: edges.into_iter().map(edge).collect::<Option<_>>()?,
                 contacts: contacts.into_iter().map(contact).collect::<Option<_>>()?,
                 touches: touches.into_iter().map(touch).collect(),
+                joints: joints.into_iter().map(joint).collect(),
             })
         };
         let made =
@@ -252,7 +259,7 @@ impl PyObservations {
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Reduced<'py>> {
         let (py, Self { observations, remarks, assumed }) = (slf.py(), slf.get());
-        let Observations { model, taxels, edges, contacts, touches } = &**observations;
+        let Observations { model, taxels, edges, contacts, touches, joints } = &**observations;
         let variable = |taxel: &TaxelVariable| (taxel.id.0, taxel.initial.as_ref().map(numbers), taxel.fixed);
         let taxels: Vec<TaxelState> = taxels.iter().map(variable).collect();
         let edge =
@@ -264,11 +271,21 @@ impl PyObservations {
         let touch = |row: &TouchRow| {
             let probe = row.probe.map(|q| q.to_array());
             let [outward, path] = [row.outward, row.path].map(|vector| vector.map(|v| v.to_array()));
-            (row.touch, row.contact, row.weight, probe, row.body.map(body), outward, path)
+            let by_joints = row.by_joints.iter().map(|column| column.to_array()).collect();
+            ((row.touch, row.contact, row.weight, probe), row.body.map(body), outward, path, by_joints)
         };
+        let joint = |joint: &TouchJoint| (joint.name.clone(), joint.motion == JointMotion::Slides);
+        let joints: Vec<JointState> = joints.iter().map(joint).collect();
         let touches: Vec<TouchState> = touches.iter().map(touch).collect();
-        let state =
-            (*model == Model::Poses, taxels, edges, contacts, touches, remarks.clone(), assumed.clone());
+        let state = (
+            *model == Model::Poses,
+            taxels,
+            edges,
+            contacts,
+            (joints, touches),
+            remarks.clone(),
+            assumed.clone(),
+        );
         Ok((py.get_type::<Self>().getattr("_of")?, state.into_pyobject(py)?))
     }
 
@@ -297,9 +314,17 @@ type EdgeState = ([u32; 2], Vec<f64>);
 type ContactState = (u32, Vec<f64>);
 
 /// A touch: its number, that of its contact, its weight, the orientation of the probe, the centre and radius of what
-/// touched, the direction in which its readings fell, and its path.
-type TouchState =
-    (Option<u64>, Option<u64>, f64, Option<[f64; 4]>, Option<[f64; 4]>, Option<[f64; 3]>, Option<[f64; 3]>);
+/// touched, the direction in which its readings fell, its path, and how it moves with each joint.
+type TouchState = (
+    (Option<u64>, Option<u64>, f64, Option<[f64; 4]>),
+    Option<[f64; 4]>,
+    Option<[f64; 3]>,
+    Option<[f64; 3]>,
+    Vec<[f64; 3]>,
+);
+
+/// The name of a joint, and whether it slides.
+type JointState = (String, bool);
 
 /// A pose as position and quaternion.
 fn numbers(pose: &Pose) -> [f64; 7] {

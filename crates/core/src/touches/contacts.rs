@@ -5,7 +5,8 @@ use std::collections::BTreeMap;
 use glam::{DMat3, DQuat, DVec3};
 
 use crate::calib::{
-    ContactMeasurement, ContactObservation, Information, Observations, TaxelVariable, TouchRow, TouchingBody,
+    ContactMeasurement, ContactObservation, Information, Observations, TaxelVariable, TouchJoint, TouchRow,
+    TouchingBody,
 };
 use crate::id::VertexId;
 use crate::numeric::symmetric_eigen;
@@ -20,7 +21,7 @@ use crate::touches::sides::outwards;
 use crate::touches::spikes::LeftOutReading;
 
 /// What one touch says about one taxel.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct TouchContact {
     /// The taxel.
     pub taxel: TaxelId,
@@ -46,6 +47,9 @@ pub struct TouchContact {
     /// The path of the body in the touch, in the frame of the link: the direction along which its positions differ most, its length
     /// their standard deviation, in m. `None` if the log has no readings.
     pub path: Option<DVec3>,
+    /// How the body moves, in the frame of the link, with the value of each of [`TouchContacts::joints`]: the mean over the touch;
+    /// empty if the log does not know it.
+    pub by_joints: Vec<DVec3>,
 }
 
 /// Contacts, and how they were found.
@@ -53,6 +57,8 @@ pub struct TouchContact {
 pub struct TouchContacts {
     /// By touch in the order of the log, then by taxel.
     pub contacts: Vec<TouchContact>,
+    /// The joints with which touches move, if the log knows it.
+    pub joints: Vec<TouchJoint>,
     /// Numbers for messages.
     pub summary: TouchesSummary,
 }
@@ -60,7 +66,7 @@ pub struct TouchContacts {
 impl TouchContacts {
     /// What [`calibrate()`](crate::calib::calibrate()) takes: the same as the table of contacts, without times.
     pub fn observations(&self) -> Observations {
-        let mut observations = Observations::default();
+        let mut observations = Observations { joints: self.joints.clone(), ..Observations::default() };
         let mut vertices: BTreeMap<TaxelId, VertexId> =
             self.contacts.iter().map(|contact| (contact.taxel, VertexId::default())).collect();
         for (&id, vertex) in &mut vertices {
@@ -79,6 +85,7 @@ impl TouchContacts {
                 body: contact.body,
                 outward: contact.outward,
                 path: contact.path,
+                by_joints: contact.by_joints.clone(),
             });
         }
         observations
@@ -124,7 +131,7 @@ struct Group<'a> {
 }
 
 /// Sums over the readings of a touch.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Default)]
 struct TouchMean {
     weight: f64,
     centre: DVec3,
@@ -134,6 +141,8 @@ struct TouchMean {
     rotation: Option<DQuat>,
     is_plane: bool,
     outward: DVec3,
+    /// Sums of how the body moves with joints.
+    by_joints: Vec<DVec3>,
 }
 
 impl TouchMean {
@@ -228,7 +237,7 @@ impl Rows<'_> {
             spacing: estimates.spacing,
             inside: self.options.rows_inside(log),
         };
-        TouchContacts { contacts, summary }
+        TouchContacts { contacts, joints: log.joints.clone(), summary }
     }
 
     /// Where the body was in each touch.
@@ -243,6 +252,10 @@ impl Rows<'_> {
             }
             mean.radius += sample.reading * sample.radius;
             mean.is_plane |= sample.plane.is_some();
+            mean.by_joints.resize(self.log.joints.len(), DVec3::ZERO);
+            for (sum, column) in mean.by_joints.iter_mut().zip(&frame.by_joints) {
+                *sum += sample.reading * *column;
+            }
             if let Some(q) = frame.body_rotation {
                 let turned = (frame.link.rotation.conjugate() * q).normalize();
                 // Opposite quaternions are one rotation.
@@ -275,6 +288,7 @@ impl Rows<'_> {
             body: mean.body(),
             outward: self.log.has_readings.then_some(mean.outward),
             path: self.log.has_readings.then(|| mean.path()),
+            by_joints: mean.by_joints.iter().map(|sum| *sum / mean.weight).collect(),
         }
     }
 

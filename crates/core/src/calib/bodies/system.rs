@@ -24,6 +24,8 @@ pub(super) struct BodySystem<'o> {
     rows: IdVec<BodyId, Option<usize>>,
     /// Block row of the probe's offset and the standoff.
     probe: Option<usize>,
+    /// Block rows of the offsets of joints, six each.
+    joints: Vec<usize>,
     system: BlockSystem,
 }
 
@@ -46,16 +48,18 @@ impl<'o> BodySystem<'o> {
         };
         let rows = hierarchy.levels.map(|of| number(*of <= level));
         let probe = number(options.probe.or(options.standoff).is_some());
+        let blocks = touches.joints.len().div_ceil(BLOCK);
+        let joints: Vec<usize> = (0..blocks).filter_map(|_| number(true)).collect();
         let mut pairs = Vec::new();
         for chain in &hierarchy.chains {
-            join(&mut pairs, chain.iter().filter_map(|&body| rows[body]).chain(probe));
+            join(&mut pairs, chain.iter().filter_map(|&body| rows[body]).chain(probe).chain(joints.clone()));
         }
         for touch in touches.all.iter().filter(|touch| touch.taxels.len() > 1) {
             let bodies = touch.taxels.iter().flat_map(|&(v, _)| hierarchy.chain(v));
             join(&mut pairs, bodies.filter_map(|body| rows[body]));
         }
         let system = BlockSystem::new(Pattern::new(count, pairs), BLOCK).map_err(CalibError::Sparse)?;
-        Ok(Self { options, hierarchy, touches, level, rows, probe, system })
+        Ok(Self { options, hierarchy, touches, level, rows, probe, joints, system })
     }
 
     pub(super) fn unknowns(&self) -> usize {
@@ -68,6 +72,10 @@ impl<'o> BodySystem<'o> {
 
     pub(super) fn probe_row(&self) -> Option<usize> {
         self.probe
+    }
+
+    pub(super) fn joint_rows(&self) -> &[usize] {
+        &self.joints
     }
 
     /// The Gauss-Newton matrix and the gradient at a placement.
@@ -122,6 +130,10 @@ impl<'o> BodySystem<'o> {
         let rows = linear.bodies.iter().filter_map(|&(body, columns)| Some((self.rows[body]?, columns)));
         let mut blocks: Vec<_> =
             rows.chain(self.probe.map(|row| (row, self.of_probe(linear.probe)))).collect();
+        let column = |k: usize| touch.by_joints.get(k).copied().unwrap_or(DVec3::ZERO);
+        for (k, &row) in self.joints.iter().enumerate() {
+            blocks.push((row, std::array::from_fn(|own| column(BLOCK * k + own))));
+        }
         blocks.sort_unstable_by_key(|block| block.0);
         (linear.error, blocks)
     }
@@ -172,7 +184,16 @@ impl<'o> BodySystem<'o> {
         let of_probe = self
             .probe
             .map(|row| (row, [offset, offset, offset, standoff, 1.0, 1.0], [o.x, o.y, o.z, h, 0.0, 0.0]));
-        self.rows.enumerate().filter_map(of_body).chain(of_probe).collect()
+        let of_joints = self.joints.iter().enumerate().map(|(k, &row)| {
+            let own = |k: usize| {
+                Some((self.touches.joints.get(k)?.motion, at.joints.get(k).copied().unwrap_or(0.0)))
+            };
+            let block: [_; BLOCK] = std::array::from_fn(|j| own(BLOCK * k + j));
+            let sigma = |motion| self.options.joints.map(|tolerance| tolerance.of_joint(motion));
+            let precisions = block.map(|joint| precision(joint.and_then(|(motion, _)| sigma(motion))));
+            (row, precisions, block.map(|joint| joint.map_or(0.0, |(_, offset)| offset)))
+        });
+        self.rows.enumerate().filter_map(of_body).chain(of_probe).chain(of_joints).collect()
     }
 
     /// Twice the cost of the priors.
@@ -195,6 +216,10 @@ impl<'o> BodySystem<'o> {
             let step = &step[BLOCK * row..];
             next.offset += DVec3::from_slice(step);
             next.standoff += step[3];
+        }
+        next.joints.resize(self.touches.joints.len(), 0.0);
+        for (k, offset) in next.joints.iter_mut().enumerate() {
+            *offset += step[BLOCK * self.joints[k / BLOCK] + k % BLOCK];
         }
         next
     }

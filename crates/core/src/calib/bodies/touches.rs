@@ -7,8 +7,10 @@ use glam::{DMat3, DVec3};
 
 use super::cad::CadSkin;
 use super::noise::Stated;
+use super::options::BodyOptions;
 use crate::calib::{
-    CalibError, ContactMeasurement, ContactObservationId, Model, ObservationId, Observations, TouchRow,
+    CalibError, ContactMeasurement, ContactObservationId, Model, ObservationId, Observations, TouchJoint,
+    TouchRow,
 };
 use crate::id::{IdVec, VertexId, define_id};
 use crate::numeric::median;
@@ -37,6 +39,8 @@ pub(super) struct Touch {
     pub(super) outward: DVec3,
     /// The path of the body; `None` if it is not known.
     pub(super) path: Option<DVec3>,
+    /// How it moves with each joint; empty if offsets of joints are not fitted.
+    pub(super) by_joints: Vec<DVec3>,
     /// The expected centre, at a fit: how far the body is from where its taxels place it, in m.
     pub(super) expected: DVec3,
     /// Number of its contact, dense.
@@ -51,6 +55,8 @@ pub(super) struct Touches {
     pub(super) all: IdVec<TouchId, Touch>,
     /// Number of contacts.
     pub(super) contacts: usize,
+    /// The joints whose offsets are fitted.
+    pub(super) joints: Vec<TouchJoint>,
 }
 
 /// What is stated of the centre of a body next to the mean of the taxels that feel it, in m per axis: taxels are a few
@@ -75,6 +81,7 @@ struct RowSum {
     body: Option<(DVec3, f64)>,
     outward: DVec3,
     path: Option<DVec3>,
+    by_joints: Vec<DVec3>,
 }
 
 impl Touches {
@@ -82,20 +89,20 @@ impl Touches {
     ///
     /// # Errors
     /// If the observations are not contacts of positions, a taxel is not in the drawing, the rows of a touch are in
-    /// different contacts, or an offset of the probe `needs` orientations and there are none.
+    /// different contacts, or an offset of the probe or of joints is fitted and the rows do not say how the touch moves with it.
     pub(super) fn new(
         observations: &Observations,
         cad: &CadSkin,
-        needs_orientation: bool,
+        options: &BodyOptions,
     ) -> Result<Self, CalibError> {
-        Self::of_rows(observations, cad, needs_orientation, 0)
+        Self::of_rows(observations, cad, options, 0)
     }
 
     /// As [`Touches::new`], of observations that come after `before` rows, which errors count.
     pub(super) fn of_rows(
         observations: &Observations,
         cad: &CadSkin,
-        needs_orientation: bool,
+        options: &BodyOptions,
         before: usize,
     ) -> Result<Self, CalibError> {
         if let Some((edge, found)) = observations.edges.enumerate().next() {
@@ -109,13 +116,16 @@ impl Touches {
             let (row, id) = (observations.touch_of(place), observations.taxels[observed.taxel].id);
             let contact = ContactObservationId::new(before + place.index());
             let vertex = *vertices.get(&id).ok_or(CalibError::NotInCad { contact, id })?;
-            if needs_orientation && row.probe.is_none() {
+            if options.probe.is_some() && row.probe.is_none() {
                 return Err(CalibError::NoProbeOrientation { contact, id });
+            }
+            if options.joints.is_some() && row.by_joints.is_empty() {
+                return Err(CalibError::NoJointColumns { contact, id });
             }
             let touch = match row.touch.map(|number| numbers.entry(number)) {
                 Some(Entry::Occupied(known)) => *known.get(),
-                Some(Entry::Vacant(place)) => *place.insert(sums.push(RowSum::new(contact, row))),
-                None => sums.push(RowSum::new(contact, row)),
+                Some(Entry::Vacant(place)) => *place.insert(sums.push(RowSum::new(contact, &row))),
+                None => sums.push(RowSum::new(contact, &row)),
             };
             let sum = &mut sums[touch];
             if sum.contact != row.contact {
@@ -132,6 +142,9 @@ impl Touches {
                     return Err(CalibError::WrongModel { observation, id, model: Model::Positions, needed });
                 }
             };
+            for (sum, column) in sum.by_joints.iter_mut().zip(&row.by_joints) {
+                *sum += row.weight * *column;
+            }
             sum.outward += row.weight * row.outward.unwrap_or(DVec3::ZERO);
             sum.normal += cad.taxels[vertex].normal.unwrap_or(DVec3::ZERO);
             sum.body = sum.body.zip(row.body).map(|((centre, radius), body)| {
@@ -143,7 +156,11 @@ impl Touches {
             sum.probe += row.weight * DMat3::from_quat(row.probe.unwrap_or_default());
             sum.information += row.weight * information.matrix();
         }
-        Ok(Self::of_sums(sums))
+        let mut touches = Self::of_sums(sums);
+        if options.joints.is_some() {
+            touches.joints.clone_from(&observations.joints);
+        }
+        Ok(touches)
     }
 
     fn of_sums(sums: IdVec<TouchId, RowSum>) -> Self {
@@ -173,13 +190,14 @@ impl Touches {
                 lift,
                 outward: share * sum.outward,
                 path: sum.path,
+                by_joints: sum.by_joints.into_iter().map(|column| share * column).collect(),
                 expected: DVec3::ZERO,
                 contact,
                 weight: 1.0,
             });
         }
         all.iter_mut().for_each(|touch: &mut Touch| touch.weight = (counts[touch.contact] as f64).recip());
-        Self { all, contacts: counts.len() }
+        Self { all, contacts: counts.len(), joints: Vec::new() }
     }
 
     /// The standard deviation of the standoff where touches are centres of spheres: a tenth of their radius, at least 1 mm.
@@ -191,12 +209,12 @@ impl Touches {
     /// Those for which `takes` is true of the contact.
     pub(super) fn of_contacts(&self, takes: impl Fn(usize) -> bool) -> Self {
         let taken = self.all.iter().filter(|touch| takes(touch.contact)).cloned();
-        Self { all: taken.collect(), contacts: self.contacts }
+        Self { all: taken.collect(), contacts: self.contacts, joints: self.joints.clone() }
     }
 }
 
 impl RowSum {
-    fn new(first: ContactObservationId, row: TouchRow) -> Self {
+    fn new(first: ContactObservationId, row: &TouchRow) -> Self {
         Self {
             first,
             contact: row.contact,
@@ -209,6 +227,7 @@ impl RowSum {
             body: Some((DVec3::ZERO, 0.0)),
             outward: DVec3::ZERO,
             path: row.path,
+            by_joints: vec![DVec3::ZERO; row.by_joints.len()],
         }
     }
 }

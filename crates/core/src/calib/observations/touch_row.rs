@@ -9,7 +9,7 @@ use crate::mesh::is_within_reach;
 /// The touch of a contact, one for each row of a table.
 ///
 /// A touch that several taxels feel has a row for each of them; all its rows observe one point of contact.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct TouchRow {
     /// Rows with the same number are one touch; `None`: a touch of its own.
     pub touch: Option<u64>,
@@ -26,6 +26,27 @@ pub struct TouchRow {
     /// The path of the body in the touch, if known: the direction along which its positions differ most, its length their standard
     /// deviation, in m, all in the frame of the contacts.
     pub path: Option<DVec3>,
+    /// How the body moves, in the frame of the contacts, with the value of each of [`Observations::joints`], in m per rad, or
+    /// without a unit where the joint slides; empty if it is not known.
+    pub by_joints: Vec<DVec3>,
+}
+
+/// A joint of the robot that moves what touches against the skin.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+pub struct TouchJoint {
+    /// Its name.
+    pub name: String,
+    /// How it moves.
+    pub motion: JointMotion,
+}
+
+/// How a joint moves.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum JointMotion {
+    /// It turns: its value is in rad.
+    Turns,
+    /// It slides: its value is in m.
+    Slides,
 }
 
 /// A sphere that touched.
@@ -39,7 +60,16 @@ pub struct TouchingBody {
 
 impl Default for TouchRow {
     fn default() -> Self {
-        Self { touch: None, contact: None, weight: 1.0, probe: None, body: None, outward: None, path: None }
+        Self {
+            touch: None,
+            contact: None,
+            weight: 1.0,
+            probe: None,
+            body: None,
+            outward: None,
+            path: None,
+            by_joints: Vec::new(),
+        }
     }
 }
 
@@ -47,7 +77,7 @@ impl Observations {
     /// The touch of a contact; the default where the observations have none.
     #[doc(hidden)]
     pub fn touch_of(&self, contact: ContactObservationId) -> TouchRow {
-        self.touches.get(contact).copied().unwrap_or_default()
+        self.touches.get(contact).cloned().unwrap_or_default()
     }
 
     /// Refuses touches that are not one for each contact, and numbers that no table may have.
@@ -67,6 +97,12 @@ impl Observations {
             // Also refuses NaN.
             if row.probe.is_some_and(|q| !is_unit(q)) {
                 return invalid("the orientation of its probe is not a quaternion of unit length");
+            }
+            if !row.by_joints.is_empty() && row.by_joints.len() != self.joints.len() {
+                return invalid("how it moves with joints is not known of each joint, or of none");
+            }
+            if row.by_joints.iter().any(|column| !is_within_reach(*column)) {
+                return invalid("how it moves with a joint is not within 1e12 m");
             }
             let is_body =
                 |body: TouchingBody| is_within_reach(body.centre) && (0.0..=1e3).contains(&body.radius);
