@@ -227,6 +227,7 @@ fn touches(
                         body: None,
                         outward: None,
                         path: None,
+                        velocity: None,
                         by_joints: Vec::new(),
                     });
                 }
@@ -515,6 +516,44 @@ fn offsets_of_joints_are_found() {
     assert!((0.4..2.0).contains(&normalised) && worst < 4.0, "{normalised}, {worst}");
 }
 
+/// Readings that are 40 ms late: touches that slide in all directions tell it, and the skin is as with a right clock. Of a right clock nothing
+/// is taken off.
+#[test]
+fn late_readings_are_found_by_the_velocity_of_touches() {
+    let drawn = Drawn::new(20);
+    let spoil = Spoil { mount: [25.0, 8.0], patch: [1.5, 2.0], module: [0.7, 2.0], turned: None };
+    for (seed, late) in [(0, 0.0), (1, 0.04), (2, -0.06)] {
+        let mut random = Random(seed);
+        let truth = drawn.spoiled(&mut random, &spoil, |module| module);
+        let probe = Probe { noise: 1e-3, offset: DVec3::ZERO };
+        let mut observations = touches(&truth, &mut random, 0..20, 12, probe, 1);
+        let options = BodyOptions { folds: Some(Folds::default()), ..BodyOptions::default() };
+        let exact = fit_bodies(&observations, &drawn.cad(), &options).unwrap();
+        assert_eq!(exact.delay, None);
+        let mut velocities = std::collections::HashMap::new();
+        for (contact, row) in observations.contacts.iter_mut().zip(observations.touches.iter_mut()) {
+            let velocity = *velocities.entry(row.touch).or_insert_with(|| random.vector(0.015));
+            row.velocity = Some(velocity);
+            if let ContactMeasurement::Position { position, .. } = &mut contact.measurement {
+                *position += velocity * late;
+            }
+        }
+        let found = fit_bodies(&observations, &drawn.cad(), &options).unwrap();
+        let delay = found.delay.unwrap();
+        println!(
+            "{late} s: {delay:?}, {:.2} mm for {:.2}",
+            1e3 * error(&found, &truth),
+            1e3 * error(&exact, &truth)
+        );
+        assert!(
+            (delay.seconds - late).abs() < 4.0 * delay.sigma && delay.sigma < 8e-3,
+            "{delay:?} for {late} s"
+        );
+        assert_eq!(delay.removed, if late == 0.0 { 0.0 } else { delay.seconds });
+        assert!(error(&found, &truth) < 1.1 * error(&exact, &truth));
+    }
+}
+
 /// Offsets of joints need to know how each touch moves with them, and a joint far beyond its tolerance is named.
 #[test]
 fn offsets_of_joints_need_their_columns() {
@@ -676,7 +715,7 @@ fn wrong_touches_are_rejected() {
 fn one_by_one(all: &Observations) -> Vec<Observations> {
     let mut touches: Vec<Observations> = Vec::new();
     for (number, contact) in all.contacts.enumerate() {
-        let row = all.touches[number];
+        let row = all.touches[number].clone();
         if touches.last().is_none_or(|last| last.touches[ContactId::new(0)].touch != row.touch) {
             touches.push(Observations::default());
         }

@@ -72,7 +72,17 @@ fn touches_of_contacts_go_into_a_table_and_come_back() {
     let (touch, contact) = (Some(3), Some(9));
     assert_eq!(
         rows[0],
-        TouchRow { touch, contact, weight: 1.0, probe, body, outward: None, path: way, by_joints }
+        TouchRow {
+            touch,
+            contact,
+            weight: 1.0,
+            probe,
+            body,
+            outward: None,
+            path: way,
+            velocity: None,
+            by_joints
+        }
     );
     let joint = |name: &str, motion| TouchJoint { name: name.into(), motion };
     let joints = [joint("Left Elbow", JointMotion::Turns), joint("a,b", JointMotion::Slides)];

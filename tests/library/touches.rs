@@ -176,7 +176,7 @@ fn logs_in_disorder_are_refused() {
 fn without_readings_contacts_are_where_the_body_was() {
     let log = TouchLog {
         frames: vec![frame(1, 5, &[(3, 1.0), (4, 1.0)]), frame(2, 6, &[(4, 1.0)])],
-        has_readings: false,
+        ..TouchLog::default()
     };
     let found = contacts_of_touches(&log, &TouchesOptions::default()).unwrap();
     let rows: Vec<_> = found.contacts.iter().map(|c| (c.touch, c.taxel.0, c.weight)).collect();

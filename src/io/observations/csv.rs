@@ -36,7 +36,7 @@ const INFORMATION: [&str; 6] = ["ixx", "ixy", "ixz", "iyy", "iyz", "izz"];
 
 /// What a table may contain, for messages.
 pub(super) const TABLES: &str = "i,j,dx,dy,dz or i,x,y,z[,nx,ny,nz[,sigma_n]], then sigma or sx,sy,sz or \
-                      ixx,ixy,ixz,iyy,iyz,izz; also time; of contacts also touch, contact, weight, qx,qy,qz,qw, px,py,pz,radius, outx,outy,outz, pathx,pathy,pathz, dx:JOINT,dy:JOINT,dz:JOINT, separated by commas";
+                      ixx,ixy,ixz,iyy,iyz,izz; also time; of contacts also touch, contact, weight, qx,qy,qz,qw, px,py,pz,radius, outx,outy,outz, pathx,pathy,pathz, vx,vy,vz, dx:JOINT,dy:JOINT,dz:JOINT, separated by commas";
 
 /// Whether a line is the header of a table, whatever separates its words: g2o has no such words.
 pub(super) fn is_header(line: &str) -> bool {

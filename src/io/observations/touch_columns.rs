@@ -1,5 +1,5 @@
 //! The columns of a table of contacts about touches: `touch`, `contact`, `weight`, `qx,qy,qz,qw`, `px,py,pz,radius`, `outx,outy,outz`,
-//! `pathx,pathy,pathz`, and `dx:NAME,dy:NAME,dz:NAME` for each joint NAME, `dx:NAME[m]` and so on for one that slides.
+//! `pathx,pathy,pathz`, `vx,vy,vz`, and `dx:NAME,dy:NAME,dz:NAME` for each joint NAME, `dx:NAME[m]` and so on for one that slides.
 
 use std::io::Write;
 
@@ -19,11 +19,12 @@ const PROBE: [&str; 4] = ["qx", "qy", "qz", "qw"];
 const BODY: [&str; 4] = ["px", "py", "pz", "radius"];
 const OUTWARD: [&str; 3] = ["outx", "outy", "outz"];
 const PATH: [&str; 3] = ["pathx", "pathy", "pathz"];
+const VELOCITY: [&str; 3] = ["vx", "vy", "vz"];
 
 /// All of them.
-pub(super) const TOUCH_COLUMNS: [&str; 17] = [
+pub(super) const TOUCH_COLUMNS: [&str; 20] = [
     TOUCH, CONTACT, WEIGHT, "qx", "qy", "qz", "qw", "px", "py", "pz", "radius", "outx", "outy", "outz",
-    "pathx", "pathy", "pathz",
+    "pathx", "pathy", "pathz", "vx", "vy", "vz",
 ];
 
 /// The columns that a table has.
@@ -36,6 +37,7 @@ pub(super) struct TouchColumns {
     body: Option<[usize; 4]>,
     outward: Option<[usize; 3]>,
     path: Option<[usize; 3]>,
+    velocity: Option<[usize; 3]>,
     /// The joints, and their columns.
     pub(super) joints: Vec<TouchJoint>,
     by_joints: Vec<[usize; 3]>,
@@ -47,7 +49,8 @@ impl TouchColumns {
         let [touch, contact, weight] = [TOUCH, CONTACT, WEIGHT].map(|name| columns.find(name));
         let (probe, body) = (columns.find_vector(PROBE)?, columns.find_vector(BODY)?);
         let (outward, path) = (columns.find_vector(OUTWARD)?, columns.find_vector(PATH)?);
-        let has_vector = probe.or(body).is_some() || outward.or(path).is_some();
+        let velocity = columns.find_vector(VELOCITY)?;
+        let has_vector = probe.or(body).is_some() || outward.or(path).or(velocity).is_some();
         let mut joints: Vec<TouchJoint> = Vec::new();
         for joint in columns.names().filter_map(joint_of) {
             if !joints.contains(&joint) {
@@ -58,7 +61,18 @@ impl TouchColumns {
             |joint: &TouchJoint| columns.need_vector(names_of_joint(joint).each_ref().map(|name| &**name));
         let by_joints: Vec<[usize; 3]> = joints.iter().map(of_joint).collect::<Result<_>>()?;
         let has_any = touch.or(contact).or(weight).is_some() || has_vector || !joints.is_empty();
-        Ok(has_any.then_some(Self { touch, contact, weight, probe, body, outward, path, joints, by_joints }))
+        Ok(has_any.then_some(Self {
+            touch,
+            contact,
+            weight,
+            probe,
+            body,
+            outward,
+            path,
+            velocity,
+            joints,
+            by_joints,
+        }))
     }
 
     pub(super) fn read(&self, row: Row<'_>) -> Result<TouchRow> {
@@ -85,6 +99,7 @@ impl TouchColumns {
             body: self.body.map(body).transpose()?,
             outward: self.outward.map(vector).transpose()?,
             path: self.path.map(vector).transpose()?,
+            velocity: self.velocity.map(vector).transpose()?,
             by_joints: self.by_joints.iter().map(|&columns| vector(columns)).collect::<Result<_>>()?,
         })
     }
@@ -96,7 +111,8 @@ pub(super) fn written(observations: &Observations) -> Vec<String> {
     let touch = first.touch.map(|_| TOUCH);
     let contact = first.contact.map(|_| CONTACT);
     let (probe, body) = (first.probe.map(|_| PROBE), first.body.map(|_| BODY));
-    let directions = [first.outward.map(|_| OUTWARD), first.path.map(|_| PATH)];
+    let directions =
+        [first.outward.map(|_| OUTWARD), first.path.map(|_| PATH), first.velocity.map(|_| VELOCITY)];
     let vectors = [probe, body].into_iter().flatten().flatten();
     let vectors = vectors.chain(directions.into_iter().flatten().flatten());
     let names = touch.into_iter().chain(contact).chain([WEIGHT]).chain(vectors).map(str::to_owned);
@@ -117,6 +133,7 @@ pub(super) fn write(columns: &[String], row: &TouchRow, table: &mut TableWriter<
         && fits(BODY[0], row.body.is_some())
         && fits(OUTWARD[0], row.outward.is_some())
         && fits(PATH[0], row.path.is_some())
+        && fits(VELOCITY[0], row.velocity.is_some())
         && has_joints == !row.by_joints.is_empty())
     {
         return false;
@@ -125,7 +142,9 @@ pub(super) fn write(columns: &[String], row: &TouchRow, table: &mut TableWriter<
     table.decimals([row.weight]);
     table.decimals(row.probe.into_iter().flat_map(|q| q.to_array()));
     table.decimals(row.body.into_iter().flat_map(|b| [b.centre.x, b.centre.y, b.centre.z, b.radius]));
-    table.decimals(row.outward.into_iter().chain(row.path).flat_map(|vector| vector.to_array()));
+    table.decimals(
+        row.outward.into_iter().chain(row.path).chain(row.velocity).flat_map(|vector| vector.to_array()),
+    );
     table.decimals(row.by_joints.iter().flat_map(|column| column.to_array()));
     true
 }

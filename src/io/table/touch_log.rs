@@ -228,7 +228,7 @@ pub(in crate::io) fn joint_of(name: &str) -> Option<TouchJoint> {
     })
 }
 
-/// Writes contacts: `i,x,y,z,touch[,contact],weight[,qx,qy,qz,qw][,px,py,pz,radius][,outx,outy,outz,pathx,pathy,pathz][,dx:NAME,dy:NAME,dz:NAME],ixx,ixy,ixz,iyy,iyz,izz`, metres and
+/// Writes contacts: `i,x,y,z,touch[,contact],weight[,qx,qy,qz,qw][,px,py,pz,radius][,outx,outy,outz,pathx,pathy,pathz][,vx,vy,vz][,dx:NAME,dy:NAME,dz:NAME],ixx,ixy,ixz,iyy,iyz,izz`, metres and
 /// 1/m^2. `contact` and the orientation of the body stand there if the log has them, the body if no touch is of a plane; three columns
 /// for each of the joints with which touches move, `dx:NAME[m]` and so on where it slides.
 ///
@@ -252,6 +252,8 @@ pub fn write_touch_contacts(
     header += if has_outward { ",outx,outy,outz" } else { "" };
     let has_path = contacts.iter().all(|contact| contact.path.is_some());
     header += if has_path { ",pathx,pathy,pathz" } else { "" };
+    let has_velocity = contacts.iter().all(|contact| contact.velocity.is_some());
+    header += if has_velocity { ",vx,vy,vz" } else { "" };
     let names: Vec<String> = joints.iter().flat_map(names_of_joint).collect();
     if !names.is_empty() {
         header = format!("{header},{}", header_of(names.iter().map(String::as_str)));
@@ -276,7 +278,8 @@ pub fn write_touch_contacts(
             let outward = contact.outward.filter(|_| has_outward).into_iter();
             table.decimals(outward.flat_map(|outward| outward.to_array()));
             let path = contact.path.filter(|_| has_path).into_iter();
-            table.decimals(path.flat_map(|path| path.to_array()));
+            let velocity = contact.velocity.filter(|_| has_velocity);
+            table.decimals(path.chain(velocity).flat_map(|vector| vector.to_array()));
             table.decimals(contact.by_joints.iter().flat_map(|column| column.to_array()));
             table.decimals(contact.information.upper());
             table.end_row()?;

@@ -131,6 +131,9 @@ impl Drawing {
             (found.joint.name.clone(), slides, found.offset, found.sigma)
         };
         all.set_item("joints", found.joints.iter().map(joint).collect::<Vec<_>>())?;
+        all.set_item("delay", found.delay.map(|delay| delay.seconds))?;
+        all.set_item("delay_sigma", found.delay.map(|delay| delay.sigma))?;
+        all.set_item("delay_removed", found.delay.map_or(0.0, |delay| delay.removed))?;
         all.set_item("standoff_sigma", found.standoff.map(|[_, sigma]| sigma))?;
         let bodies: Vec<_> = found.bodies.iter().map(|body| of_body(py, body)).collect::<PyResult<_>>()?;
         all.set_item("bodies", PyList::new(py, bodies)?)?;

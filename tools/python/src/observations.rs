@@ -209,10 +209,11 @@ impl PyObservations {
         taxels: Vec<TaxelState>,
         edges: Vec<EdgeState>,
         contacts: Vec<ContactState>,
-        (joints, touches): (Vec<JointState>, Vec<TouchState>),
+        touches: (Vec<JointState>, Vec<TouchState>),
         remarks: Vec<String>,
         assumed: Option<(String, bool)>,
     ) -> PyResult<Self> {
+        let (joints, touches) = touches;
         let count = taxels.len();
         let taxel = |number: u32| Some(VertexId::from(number)).filter(|taxel| taxel.index() < count);
         let variable = |(id, initial, fixed): TaxelState| TaxelVariable {
@@ -228,16 +229,20 @@ impl PyObservations {
             Some(ContactObservation { taxel: taxel(of)?, measurement: contact(&numbers)? })
         };
         let body = |[x, y, z, radius]: [f64; 4]| TouchingBody { centre: DVec3::new(x, y, z), radius };
-        let touch = |((touch, contact, weight, probe), by, outward, path, by_joints): TouchState| TouchRow {
-            touch,
-            contact,
-            weight,
-            probe: probe.map(DQuat::from_array),
-            body: by.map(body),
-            outward: outward.map(DVec3::from_array),
-            path: path.map(DVec3::from_array),
-            by_joints: by_joints.into_iter().map(DVec3::from_array).collect(),
-        };
+        let touch =
+            |((touch, contact, weight, probe), by, [outward, path, velocity], by_joints): TouchState| {
+                TouchRow {
+                    touch,
+                    contact,
+                    weight,
+                    probe: probe.map(DQuat::from_array),
+                    body: by.map(body),
+                    outward: outward.map(DVec3::from_array),
+                    path: path.map(DVec3::from_array),
+                    velocity: velocity.map(DVec3::from_array),
+                    by_joints: by_joints.into_iter().map(DVec3::from_array).collect(),
+                }
+            };
         let joint = |(name, slides): JointState| TouchJoint {
             name,
             motion: if slides { JointMotion::Slides } else { JointMotion::Turns },
@@ -270,9 +275,9 @@ impl PyObservations {
         let body = |TouchingBody { centre, radius }: TouchingBody| [centre.x, centre.y, centre.z, radius];
         let touch = |row: &TouchRow| {
             let probe = row.probe.map(|q| q.to_array());
-            let [outward, path] = [row.outward, row.path].map(|vector| vector.map(|v| v.to_array()));
+            let vectors = [row.outward, row.path, row.velocity].map(|vector| vector.map(|v| v.to_array()));
             let by_joints = row.by_joints.iter().map(|column| column.to_array()).collect();
-            ((row.touch, row.contact, row.weight, probe), row.body.map(body), outward, path, by_joints)
+            ((row.touch, row.contact, row.weight, probe), row.body.map(body), vectors, by_joints)
         };
         let joint = |joint: &TouchJoint| (joint.name.clone(), joint.motion == JointMotion::Slides);
         let joints: Vec<JointState> = joints.iter().map(joint).collect();
@@ -314,12 +319,11 @@ type EdgeState = ([u32; 2], Vec<f64>);
 type ContactState = (u32, Vec<f64>);
 
 /// A touch: its number, that of its contact, its weight, the orientation of the probe, the centre and radius of what
-/// touched, the direction in which its readings fell, its path, and how it moves with each joint.
+/// touched, the direction in which its readings fell, its path, its velocity, and how it moves with each joint.
 type TouchState = (
     (Option<u64>, Option<u64>, f64, Option<[f64; 4]>),
     Option<[f64; 4]>,
-    Option<[f64; 3]>,
-    Option<[f64; 3]>,
+    [Option<[f64; 3]>; 3],
     Vec<[f64; 3]>,
 );
 

@@ -60,8 +60,8 @@ pub(crate) use align::{Correlation, nearest_rotation};
 pub use bodies::{
     BodyCalibration, BodyFit, BodyFollower, BodyLevel, BodyOptions, CadModule, CadSkin, CadTaxel,
     CalibratedTaxel, Folds, HeldBack, JointOffset, LevelScore, Misassembled, Misassembly, ModuleId,
-    ModuleNames, ModulePose, MotionTest, NamedTaxel, ProbeOffset, Tolerance, TouchId, TurnedModule,
-    fit_bodies, fit_bodies_with,
+    ModuleNames, ModulePose, MotionTest, NamedTaxel, ProbeOffset, Tolerance, TouchDelay, TouchId,
+    TurnedModule, fit_bodies, fit_bodies_with,
 };
 pub use calibration::{Calibration, GoodnessOfFit, ObservationDiagnostics};
 pub use error::{CalibError, SheetDefect};

@@ -15,7 +15,7 @@ use crate::touches::delay::LogDelay;
 use crate::touches::estimate::{Estimates, LEAST_SAMPLES};
 use crate::touches::fit::{Estimate, Noise, Residual};
 use crate::touches::gather::{Sample, Samples};
-use crate::touches::log::TouchLog;
+use crate::touches::log::{TouchFrame, TouchLog};
 use crate::touches::options::{ARM_NOISE, TAXEL_RADIUS, TouchesOptions};
 use crate::touches::sides::outwards;
 use crate::touches::spikes::LeftOutReading;
@@ -47,6 +47,9 @@ pub struct TouchContact {
     /// The path of the body in the touch, in the frame of the link: the direction along which its positions differ most, its length
     /// their standard deviation, in m. `None` if the log has no readings.
     pub path: Option<DVec3>,
+    /// The velocity of the body in the frame of the link, in m/s: the mean over the touch, weighted by the readings. `None` if frames have no time,
+    /// or the delay of the readings is given.
+    pub velocity: Option<DVec3>,
     /// How the body moves, in the frame of the link, with the value of each of [`TouchContacts::joints`]: the mean over the touch;
     /// empty if the log does not know it.
     pub by_joints: Vec<DVec3>,
@@ -85,6 +88,7 @@ impl TouchContacts {
                 body: contact.body,
                 outward: contact.outward,
                 path: contact.path,
+                velocity: contact.velocity,
                 by_joints: contact.by_joints.clone(),
             });
         }
@@ -123,6 +127,25 @@ pub struct TouchesSummary {
     pub inside: Vec<usize>,
 }
 
+/// The velocity of the body in the frame of the link in each frame, in m/s, from the frames before and after in its touch; zero where
+/// these are far apart in time. `None` if a frame has no time.
+fn velocities(frames: &[TouchFrame]) -> Option<Vec<DVec3>> {
+    /// In s.
+    const LONGEST: f64 = 0.5;
+    let mut all = Vec::with_capacity(frames.len());
+    for touch in frames.chunk_by(|a, b| a.touch == b.touch) {
+        let at = |frame: &TouchFrame| Some((frame.time?, frame.link.inverse().apply(frame.body.point())));
+        let places = touch.iter().map(at).collect::<Option<Vec<(f64, DVec3)>>>()?;
+        for k in 0..places.len() {
+            let ((start, from), (end, to)) =
+                (places[k.saturating_sub(1)], places[(k + 1).min(places.len() - 1)]);
+            let is_near = end > start && end - start <= LONGEST;
+            all.push(if is_near { (to - from) / (end - start) } else { DVec3::ZERO });
+        }
+    }
+    Some(all)
+}
+
 /// The samples of one taxel in one touch.
 struct Group<'a> {
     taxel: VertexId,
@@ -141,6 +164,8 @@ struct TouchMean {
     rotation: Option<DQuat>,
     is_plane: bool,
     outward: DVec3,
+    /// The sum of the velocities; `None` if a frame has no time.
+    velocity: Option<DVec3>,
     /// Sums of how the body moves with joints.
     by_joints: Vec<DVec3>,
 }
@@ -243,6 +268,7 @@ impl Rows<'_> {
     /// Where the body was in each touch.
     fn means(&self) -> Vec<TouchMean> {
         let mut means = vec![TouchMean::default(); self.samples.touches.len()];
+        let velocities = velocities(&self.log.frames);
         for sample in self.samples.of.iter().flatten() {
             let (mean, frame) = (&mut means[sample.touch], &self.log.frames[sample.frame]);
             mean.weight += sample.reading;
@@ -251,6 +277,9 @@ impl Rows<'_> {
                 *column += sample.reading * x * sample.centre;
             }
             mean.radius += sample.reading * sample.radius;
+            mean.velocity = velocities
+                .as_ref()
+                .map(|all| mean.velocity.unwrap_or(DVec3::ZERO) + sample.reading * all[sample.frame]);
             mean.is_plane |= sample.plane.is_some();
             mean.by_joints.resize(self.log.joints.len(), DVec3::ZERO);
             for (sum, column) in mean.by_joints.iter_mut().zip(&frame.by_joints) {
@@ -288,6 +317,7 @@ impl Rows<'_> {
             body: mean.body(),
             outward: self.log.has_readings.then_some(mean.outward),
             path: self.log.has_readings.then(|| mean.path()),
+            velocity: mean.velocity.filter(|_| self.options.delay.is_none()).map(|sum| sum / mean.weight),
             by_joints: mean.by_joints.iter().map(|sum| *sum / mean.weight).collect(),
         }
     }

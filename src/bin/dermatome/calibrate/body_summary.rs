@@ -26,6 +26,9 @@ pub(super) struct BodySummary {
     standoff_mm: Option<f64>,
     standoff_sigma_mm: Option<f64>,
     joints: Vec<JointRow>,
+    delay_ms: Option<f64>,
+    delay_sigma_ms: Option<f64>,
+    delay_removed_ms: f64,
     bodies: Vec<BodyRow>,
     exchanged: Vec<[String; 2]>,
     turned: Vec<TurnedRow>,
@@ -160,6 +163,9 @@ impl BodySummary {
             standoff_mm: found.standoff.map(|[standoff, _]| 1e3 * standoff),
             standoff_sigma_mm: found.standoff.map(|[_, sigma]| 1e3 * sigma),
             joints: found.joints.iter().map(JointRow::new).collect(),
+            delay_ms: found.delay.map(|delay| 1e3 * delay.seconds),
+            delay_sigma_ms: found.delay.map(|delay| 1e3 * delay.sigma),
+            delay_removed_ms: found.delay.map_or(0.0, |delay| 1e3 * delay.removed),
             bodies: found.bodies.iter().map(BodyRow::new).collect(),
             exchanged: found.misassembled.exchanged.iter().map(|pair| pair.map(name)).collect(),
             turned: turned.map(|t| TurnedRow { module: name(t.module), degrees: t.degrees }).collect(),
@@ -251,6 +257,10 @@ pub(super) fn print_bodies(found: &BodyCalibration) -> anyhow::Result<()> {
     }
     for JointRow { name, unit, offset, sigma } in found.joints.iter().map(JointRow::new) {
         print(&format!("offset of the joint {}: {offset:.2} +- {sigma:.2} {unit}\n", plain(&name)))?;
+    }
+    if let Some(delay) = found.delay.filter(|delay| delay.removed != 0.0) {
+        let [ms, sigma] = [delay.seconds, delay.sigma].map(|seconds| 1e3 * seconds);
+        print(&format!("the readings are {ms:.0} +- {sigma:.0} ms late, or joints have play: taken off\n"))?;
     }
     let (noise, times) = (1e3 * found.noise, found.noise_over_stated);
     print(&format!("noise: {noise:.2} mm per axis, {times:.2} times the stated one\n"))?;

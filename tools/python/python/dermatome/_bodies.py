@@ -185,6 +185,10 @@ class BodyCalibration:
         Distance of touches from taxels along their normals, and its standard deviation, in m, if it is fitted.
     joints : tuple of JointOffset
         The offsets of the joints, if they are fitted.
+    delay, delay_sigma : float or None
+        How late the readings are next to the poses, and its standard deviation, in s; None without velocities of the contacts.
+    delay_removed : float
+        What of it was taken off, in s: all beyond five standard deviations.
     bodies : tuple of Body
         The mount, then the patches, then the modules.
     exchanged : tuple of (str, str)
@@ -222,6 +226,9 @@ class BodyCalibration:
     standoff: float | None
     standoff_sigma: float | None
     joints: tuple[JointOffset, ...]
+    delay: float | None
+    delay_sigma: float | None
+    delay_removed: float
     bodies: tuple[Body, ...]
     exchanged: tuple[tuple[str, str], ...]
     turned: tuple[tuple[str, float], ...]

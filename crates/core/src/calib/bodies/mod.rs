@@ -5,11 +5,12 @@
 //! `(rustler2021)`. A touch at `p` of a probe with the orientation `R`, felt by taxels `i` of weights `w_i`, has the error
 //!
 //! ```text
-//! e = p + R o + J q - b - sum w_i (x_i + h n_i)
+//! e = p + R o + J q - d v - b - sum w_i (x_i + h n_i)
 //! ```
 //!
 //! with the probe's offset `o`, a standoff `h` along the normals `n_i` and the offsets `q` of joints from their values, if these are fitted; `J` is
-//! how the touch moves with the joints, to first order. Where `p` is the centre of a
+//! how the touch moves with the joints, to first order. Where the mean velocity `v` of the body in each touch is known, the delay `d` of the readings is
+//! one unknown more (`delay`). Where `p` is the centre of a
 //! sphere, `h` begins at nine tenths of its radius, along the normals of the fit. `b` is the expected centre of the touch (`expected`): after a fit it
 //! follows from the model of a press there, and all is fitted again, twice; without the path of the sphere it is zero. The fit minimises
 //! `sum w rho(e' C^-1 e)`, `C = a^2 I + f^2 S` with the stated covariance `S` and a scale that is estimated, plus the squared motions over their tolerances: touches move the highest body that
@@ -31,10 +32,11 @@
 //! weights of the solution.
 //!
 //! In reading order: `cad`, `drawing`, `options`, `touches`, `placement`, `system`, `noise`, `solve`, `start`, `covariance`,
-//! `expected`, `misassembly`, `result`, `folds`, `verdict`, `follow`.
+//! `delay`, `expected`, `misassembly`, `result`, `folds`, `verdict`, `follow`.
 
 mod cad;
 mod covariance;
+mod delay;
 mod drawing;
 mod expected;
 mod folds;
@@ -51,6 +53,7 @@ mod touches;
 mod verdict;
 
 pub use cad::{CadModule, CadSkin, CadTaxel, ModuleId, NamedTaxel};
+pub use delay::TouchDelay;
 pub use drawing::ModuleNames;
 pub use folds::{HeldBack, LevelScore};
 pub use follow::BodyFollower;
@@ -139,6 +142,7 @@ pub fn fit_bodies_with(
         touches.expect(&hierarchy, &solved.placement);
         solved = solve(options, options.level, &hierarchy, &touches, solved.placement, run)?;
     }
+    let delay = delay::judged(options, options.level, &hierarchy, &mut touches, &mut solved, run)?;
     let is_judged = |folds: &Folds| *folds != Folds::default() || touches.contacts >= 2 * folds.count;
     let folds = options.folds.filter(is_judged);
     let held_back = folds.map(|folds| folds::score(folds, &solved, &hierarchy, &touches, run)).transpose()?;
@@ -172,6 +176,7 @@ pub fn fit_bodies_with(
         touches: &touches,
         solved: &solved,
         prior,
+        delay,
     };
     Ok(fit.result(&covariances, misassembled, held_back))
 }

@@ -88,8 +88,8 @@ pub(super) struct Placement {
     pub(super) offset: DVec3,
     /// Distance of touches from taxels along their normals, in m.
     pub(super) standoff: f64,
-    /// Offsets of the joints from their values, in rad or m; empty if they are not fitted.
-    pub(super) joints: Vec<f64>,
+    /// The linear unknowns: offsets of the joints from their values, in rad or m, and the delay of the readings, in s, if they are fitted.
+    pub(super) linear: Vec<f64>,
 }
 
 /// A taxel as placed.
@@ -116,7 +116,7 @@ impl Placement {
     /// Everything as drawn.
     pub(super) fn drawn(hierarchy: &Hierarchy) -> Self {
         let motions = hierarchy.levels.map(|_| Motion::default());
-        Self { motions, offset: DVec3::ZERO, standoff: 0.0, joints: Vec::new() }
+        Self { motions, offset: DVec3::ZERO, standoff: 0.0, linear: Vec::new() }
     }
 
     pub(super) fn taxel(&self, of: &Hierarchy, taxel: VertexId) -> PlacedTaxel {
@@ -132,9 +132,9 @@ impl Placement {
         PlacedTaxel { position, normal, levers }
     }
 
-    /// `p + R o + J q`: where the body of a touch is.
+    /// `p + R o + J q - d v`: where the body of a touch is.
     pub(super) fn body(&self, touch: &Touch) -> DVec3 {
-        let moved = touch.by_joints.iter().zip(&self.joints).map(|(column, offset)| *column * *offset);
+        let moved = touch.columns.iter().zip(&self.linear).map(|(column, x)| *column * *x);
         touch.position + touch.probe * self.offset + moved.sum::<DVec3>()
     }
 
@@ -143,7 +143,7 @@ impl Placement {
         self.body(touch) - touch.expected
     }
 
-    /// `e = p + R o + J q - b - sum w_i (x_i + h n_i)`, `h` the standoff and the lift of the touch; and the mean normal.
+    /// `e = p + R o + J q - d v - b - sum w_i (x_i + h n_i)`, `h` the standoff and the lift of the touch; and the mean normal.
     pub(super) fn error(&self, of: &Hierarchy, touch: &Touch) -> (DVec3, DVec3) {
         let (mut error, standoff) = (self.seen(touch), self.standoff + touch.lift);
         let mut normal = DVec3::ZERO;

@@ -6,6 +6,7 @@ use glam::{DMat3, DQuat, DVec3};
 
 use super::cad::{CadSkin, CadTaxel, ModuleId};
 use super::covariance::{BodyCovariances, added, derivatives, of_taxel};
+use super::delay::TouchDelay;
 use super::folds::HeldBack;
 use super::misassembly::Misassembled;
 use super::options::{BodyLevel, BodyOptions, Tolerance};
@@ -116,6 +117,8 @@ pub struct BodyCalibration {
     pub standoff: Option<[f64; 2]>,
     /// The offsets of the joints, if they are fitted.
     pub joints: Vec<JointOffset>,
+    /// How late the readings are next to the poses, if contacts have velocities.
+    pub delay: Option<TouchDelay>,
     /// Standard deviation of a touch per axis, in m, as it is estimated: the median over the touches.
     pub noise: f64,
     /// The same over what is stated.
@@ -158,6 +161,7 @@ pub(super) struct Fit<'f> {
     pub(super) solved: &'f Solved,
     /// Squared motions over their tolerances.
     pub(super) prior: f64,
+    pub(super) delay: Option<TouchDelay>,
 }
 
 impl Fit<'_> {
@@ -167,7 +171,7 @@ impl Fit<'_> {
         misassembled: Misassembled,
         held_back: Option<HeldBack>,
     ) -> BodyCalibration {
-        let Self { cad, options, hierarchy, touches, solved, prior, .. } = self;
+        let Self { cad, options, hierarchy, touches, solved, prior, delay, .. } = self;
         let contacts = self.contacts_of_bodies();
         let chains = hierarchy.chains.enumerate();
         let is_untouched = |module: &ModuleId| {
@@ -193,6 +197,7 @@ impl Fit<'_> {
             }),
             standoff: options.standoff.map(|_| [solved.placement.standoff, standoff.max(0.0).sqrt()]),
             joints: self.joints(covariances),
+            delay: *delay,
             noise: median(sigmas.iter().map(|[found, _]| *found)).unwrap_or(f64::NAN),
             noise_over_stated: median(sigmas.iter().map(|[found, stated]| found / stated))
                 .unwrap_or(f64::NAN),
@@ -212,7 +217,7 @@ impl Fit<'_> {
     }
 
     fn joints(&self, covariances: &BodyCovariances) -> Vec<JointOffset> {
-        let offsets = self.solved.placement.joints.iter().zip(&covariances.joints);
+        let offsets = self.solved.placement.linear.iter().zip(&covariances.linear);
         let all = self.touches.joints.iter().zip(offsets).zip(self.options.joints.iter().cycle());
         let offset =
             |((joint, (&offset, variance)), tolerance): ((&TouchJoint, (&f64, &f64)), &Tolerance)| {

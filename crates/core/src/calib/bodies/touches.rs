@@ -39,8 +39,8 @@ pub(super) struct Touch {
     pub(super) outward: DVec3,
     /// The path of the body; `None` if it is not known.
     pub(super) path: Option<DVec3>,
-    /// How it moves with each joint; empty if offsets of joints are not fitted.
-    pub(super) by_joints: Vec<DVec3>,
+    /// How it moves with each linear unknown ([`Touches::linear`]).
+    pub(super) columns: Vec<DVec3>,
     /// The expected centre, at a fit: how far the body is from where its taxels place it, in m.
     pub(super) expected: DVec3,
     /// Number of its contact, dense.
@@ -57,11 +57,16 @@ pub(super) struct Touches {
     pub(super) contacts: usize,
     /// The joints whose offsets are fitted.
     pub(super) joints: Vec<TouchJoint>,
+    /// Whether the delay of the readings is fitted.
+    pub(super) has_delay: bool,
 }
 
 /// What is stated of the centre of a body next to the mean of the taxels that feel it, in m per axis: taxels are a few
 /// millimetres apart, and the scale is estimated.
 const CENTRE_SIGMA: f64 = 2e-3;
+
+/// How late readings may be next to the poses, in s: the standard deviation of a prior.
+const DELAY_SIGMA: f64 = 0.15;
 
 /// The share of the radius of a sphere at which its centre is above the taxels; the rest is the depth of the press.
 pub(super) const LIFT: f64 = 0.9;
@@ -81,6 +86,7 @@ struct RowSum {
     body: Option<(DVec3, f64)>,
     outward: DVec3,
     path: Option<DVec3>,
+    velocity: DVec3,
     by_joints: Vec<DVec3>,
 }
 
@@ -145,6 +151,7 @@ impl Touches {
             for (sum, column) in sum.by_joints.iter_mut().zip(&row.by_joints) {
                 *sum += row.weight * *column;
             }
+            sum.velocity += row.weight * row.velocity.unwrap_or(DVec3::ZERO);
             sum.outward += row.weight * row.outward.unwrap_or(DVec3::ZERO);
             sum.normal += cad.taxels[vertex].normal.unwrap_or(DVec3::ZERO);
             sum.body = sum.body.zip(row.body).map(|((centre, radius), body)| {
@@ -157,8 +164,13 @@ impl Touches {
             sum.information += row.weight * information.matrix();
         }
         let mut touches = Self::of_sums(sums);
+        touches.has_delay =
+            observations.touches.iter().any(|row| row.velocity.is_some_and(|v| v != DVec3::ZERO));
         if options.joints.is_some() {
             touches.joints.clone_from(&observations.joints);
+        } else {
+            // The last column is the velocity.
+            touches.all.iter_mut().for_each(|touch| drop(touch.columns.drain(..touch.columns.len() - 1)));
         }
         Ok(touches)
     }
@@ -190,14 +202,19 @@ impl Touches {
                 lift,
                 outward: share * sum.outward,
                 path: sum.path,
-                by_joints: sum.by_joints.into_iter().map(|column| share * column).collect(),
+                columns: sum
+                    .by_joints
+                    .into_iter()
+                    .map(|column| share * column)
+                    .chain([-share * sum.velocity])
+                    .collect(),
                 expected: DVec3::ZERO,
                 contact,
                 weight: 1.0,
             });
         }
         all.iter_mut().for_each(|touch: &mut Touch| touch.weight = (counts[touch.contact] as f64).recip());
-        Self { all, contacts: counts.len(), joints: Vec::new() }
+        Self { all, contacts: counts.len(), joints: Vec::new(), has_delay: false }
     }
 
     /// The standard deviation of the standoff where touches are centres of spheres: a tenth of their radius, at least 1 mm.
@@ -206,10 +223,17 @@ impl Touches {
         median(lifts).map(|lift| (0.1 * lift / LIFT).max(1e-3))
     }
 
+    /// The standard deviations of the unknowns on which the errors of touches depend linearly: offsets of joints, in rad or m, and the delay of the readings, in s.
+    pub(super) fn linear(&self, options: &BodyOptions) -> Vec<f64> {
+        let of_joint = |joint: &TouchJoint| options.joints.map(|tolerance| tolerance.of_joint(joint.motion));
+        let delay = self.has_delay.then_some(DELAY_SIGMA);
+        self.joints.iter().filter_map(of_joint).chain(delay).collect()
+    }
+
     /// Those for which `takes` is true of the contact.
     pub(super) fn of_contacts(&self, takes: impl Fn(usize) -> bool) -> Self {
         let taken = self.all.iter().filter(|touch| takes(touch.contact)).cloned();
-        Self { all: taken.collect(), contacts: self.contacts, joints: self.joints.clone() }
+        Self { all: taken.collect(), joints: self.joints.clone(), ..*self }
     }
 }
 
@@ -227,6 +251,7 @@ impl RowSum {
             body: Some((DVec3::ZERO, 0.0)),
             outward: DVec3::ZERO,
             path: row.path,
+            velocity: DVec3::ZERO,
             by_joints: vec![DVec3::ZERO; row.by_joints.len()],
         }
     }

@@ -291,7 +291,9 @@ impl Observations {
             if let Some(body) = &mut row.body {
                 (body.centre, body.radius) = (body.centre * factor, body.radius * factor);
             }
-            row.path = row.path.map(|path| path * factor);
+            for vector in [&mut row.path, &mut row.velocity].into_iter().flatten() {
+                *vector *= factor;
+            }
             // A joint that slides by a length moves the body by a length.
             let turning = self.joints.iter().map(|joint| joint.motion == JointMotion::Turns);
             for (column, _) in row.by_joints.iter_mut().zip(turning).filter(|(_, turns)| *turns) {

@@ -26,6 +26,8 @@ pub struct TouchRow {
     /// The path of the body in the touch, if known: the direction along which its positions differ most, its length their standard
     /// deviation, in m, all in the frame of the contacts.
     pub path: Option<DVec3>,
+    /// The velocity of the body in the touch, in the frame of the contacts, in m/s: the mean, weighted by the readings, if known.
+    pub velocity: Option<DVec3>,
     /// How the body moves, in the frame of the contacts, with the value of each of [`Observations::joints`], in m per rad, or
     /// without a unit where the joint slides; empty if it is not known.
     pub by_joints: Vec<DVec3>,
@@ -68,6 +70,7 @@ impl Default for TouchRow {
             body: None,
             outward: None,
             path: None,
+            velocity: None,
             by_joints: Vec::new(),
         }
     }
@@ -111,6 +114,9 @@ impl Observations {
             }
             if row.path.is_some_and(|path| !is_within_reach(path)) {
                 return invalid("the path of its body is not within 1e12 m");
+            }
+            if row.velocity.is_some_and(|velocity| !is_within_reach(velocity)) {
+                return invalid("the velocity of its body is not within 1e12 m/s");
             }
             if row.body.is_some_and(|body| !is_body(body)) {
                 return invalid("the body has no centre within 1e12 m, or no radius from 0 to 1000 m");
