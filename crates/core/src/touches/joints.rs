@@ -202,14 +202,10 @@ mod tests {
                 poses[id(link)].inverse().transform_point3(carried)
             };
             let found = columns.at(1.0, link, body, point).unwrap();
-            for joint in 0..5 {
+            for (joint, column) in found.iter().enumerate() {
                 let step = 1e-6;
                 let needed = (place(joint, step) - place(joint, -step)) / (2.0 * step);
-                assert!(
-                    found[joint].distance(needed) < 1e-8,
-                    "{link}, {body:?}, {joint}: {} for {needed}",
-                    found[joint]
-                );
+                assert!(column.distance(needed) < 1e-8, "{link}, {body:?}, {joint}: {column} for {needed}");
             }
             assert_eq!(found[0] == DVec3::ZERO, body.is_some(), "the lift carries both");
         }
