@@ -35,4 +35,5 @@ mod skins;
 mod summary;
 mod touch;
 mod touches;
+mod touches_laws;
 mod zoo;

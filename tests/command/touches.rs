@@ -297,7 +297,140 @@ fn joints_may_carry_the_skin() {
     refuses(folder, &format!("touches log.csv -o c.csv {words}"), &said);
 }
 
-/// Tables that are no log are refused with line and column.
+/// A drawing of the skin of the simulated arm: its taxels where they are, on eight modules that are 0.7 mm and a degree off in
+/// turn, and on a mount that is 10 mm off.
+pub(crate) fn drawing_of_modules(folder: &Path) {
+    let truth = read_truth(&folder.join("t.csv")).unwrap();
+    let mut text = String::from("taxel_id,module,patch,x,y,z,nx,ny,nz\n");
+    for (id, pose) in truth {
+        let p = pose.position;
+        let module = u8::from(p.x > 0.0) + 2 * u8::from(p.y > 0.0) + 4 * u8::from(p.x.hypot(p.y) > 0.02);
+        let off = [DVec3::X, -DVec3::X, DVec3::Y, -DVec3::Y][usize::from(module % 4)] * 0.7e-3;
+        let (p, n) = (p + off + DVec3::new(0.006, -0.008, 0.0), pose.rotation * DVec3::Z);
+        writeln!(text, "{id},{module},skin,{},{},{},{},{},{}", p.x, p.y, p.z, n.x, n.y, n.z).unwrap();
+    }
+    fs::write(folder.join("drawing.csv"), text).unwrap();
+}
+
+/// Cuts the lines of a log into touches of six frames.
+pub(crate) fn cut_touches(folder: &Path) {
+    let text = fs::read_to_string(folder.join("log.csv")).unwrap();
+    let (names, rows) = text.split_once('\n').unwrap();
+    let mut cut = format!("{names}\n");
+    let (mut line, mut touch, mut count) = (String::new(), 0, 0);
+    for row in rows.lines() {
+        let cells: Vec<&str> = row.splitn(3, ',').collect();
+        if cells[1] != line || count == 6 {
+            (line, touch, count) = (cells[1].into(), touch + 1, 0);
+        }
+        count += 1;
+        writeln!(cut, "{},{touch},{}", cells[0], cells[2]).unwrap();
+    }
+    fs::write(folder.join("log.csv"), cut).unwrap();
+}
+
+/// Joints of the arm that are off by 0.4 degrees: with their offsets as unknowns the skin is as from exact joints.
+#[test]
+fn offsets_of_joints_are_unknowns_of_a_calibration() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let simulate = |fault: &str| {
+        let words = "simulate --arm --taxels 120 --arm-noise-mm 0.5 --seed 2 -o log.csv --truth t.csv --joints j.csv --robot r.urdf";
+        dermatome(folder, &format!("{words}{fault}")).assert().success();
+        drawing_of_modules(folder);
+        cut_touches(folder);
+    };
+    let words =
+        "touches log.csv --skin drawing.csv --pose r.urdf --joints j.csv --fit-joints -o c.csv --json";
+    let fit = |more: &str| {
+        let words = format!("calibrate c.csv --cad drawing.csv -o s.csv --truth t.csv --json{more}");
+        let run = dermatome(folder, &words).assert().success();
+        let said = json(&run.get_output().stdout);
+        println!("{more}: {} mm, joints {}", said["rmse_mm"], said["joints"]);
+        (said["rmse_mm"].as_f64().unwrap(), said["joints"].clone())
+    };
+    simulate("");
+    let found = dermatome(folder, words).assert().success();
+    let names = json(&found.get_output().stdout)["joints"].clone();
+    assert_eq!(names.as_array().unwrap().len(), 6, "{names}");
+    let exact = fit("").0;
+    simulate(" --fault joints-deg=0.4");
+    dermatome(folder, words).assert().success();
+    let (without, none) = fit("");
+    assert!(none.as_array().unwrap().is_empty());
+    let (with, joints) = fit(" --fit-joints");
+    assert!(with < 0.8 * without, "{with} mm, without {without} mm, exact joints {exact} mm");
+    assert_eq!(joints[2]["name"], "elbow");
+    assert_eq!(joints[2]["unit"], "degrees");
+    let text = fs::read_to_string(folder.join("c.csv")).unwrap();
+    assert!(text.lines().next().unwrap().contains("dx:elbow,dy:elbow,dz:elbow"), "{text:.300}");
+    let said = String::from_utf8(
+        dermatome(folder, "calibrate c.csv --cad drawing.csv --fit-joints=0.5 -o s.csv")
+            .assert()
+            .success()
+            .get_output()
+            .stdout
+            .clone(),
+    )
+    .unwrap();
+    assert!(said.contains("offset of the joint wrist_bend: "), "{said}");
+}
+
+/// What joints need: a robot with the links of the log, values of each joint between them in rad and m, on the clock of the log.
+#[test]
+fn joints_that_cannot_be_fitted_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let words = "simulate --arm --taxels 30 -o log.csv --truth t.csv --joints j.csv --robot r.urdf";
+    dermatome(folder, words).assert().success();
+    let words = "touches log.csv -o c.csv --fit-joints";
+    refuses(folder, words, &["--joints"]);
+    let words = format!("{words} --pose r.urdf --joints");
+    dermatome(folder, &format!("{words} j.csv")).assert().success();
+    let text = fs::read_to_string(folder.join("j.csv")).unwrap();
+    let change = |name: &str, header: [&str; 2], cells: &dyn Fn(&str) -> String| {
+        let (names, rows) = text.split_once('\n').unwrap();
+        let rows: Vec<String> = rows.lines().map(cells).collect();
+        fs::write(
+            folder.join(name),
+            format!("{}\n{}\n", names.replace(header[0], header[1]), rows.join("\n")),
+        )
+        .unwrap();
+    };
+    change("typo.csv", ["elbow", "elbov"], &str::to_owned);
+    refuses(
+        folder,
+        &format!("{words} typo.csv"),
+        &["\"elbow\"", "\"end_effector\"", "no values", "--joints"],
+    );
+    change("degrees.csv", ["", ""], &|row| {
+        let (time, values) = row.split_once(',').unwrap();
+        let degrees = values.split(',').map(|q| q.parse::<f64>().unwrap().to_degrees().to_string());
+        format!("{time},{}", degrees.collect::<Vec<_>>().join(","))
+    });
+    notes(folder, &format!("{words} degrees.csv"), &["beyond 360 degrees", "in rad and m"]);
+    change("late.csv", ["", ""], &|row| format!("9{row}"));
+    refuses(
+        folder,
+        &format!("{words} late.csv"),
+        &["line 2", "values of the joints are from 9", "one clock"],
+    );
+    let log = fs::read_to_string(folder.join("log.csv")).unwrap();
+    fs::write(folder.join("paw.csv"), log.replace("end_effector", "paw")).unwrap();
+    let of_paw = words.replace("log.csv", "paw.csv");
+    refuses(folder, &format!("{of_paw} j.csv"), &["line 2", "\"paw\"", "of the robot", "--fit-joints"]);
+    fs::write(folder.join("base.csv"), log.replace("end_effector", "base")).unwrap();
+    let of_base = words.replace("log.csv", "base.csv");
+    refuses(folder, &format!("{of_base} j.csv"), &["no joint moves the link \"base\""]);
+    drawing_of_modules(folder);
+    dermatome(folder, "touches log.csv -o c.csv").assert().success();
+    refuses(
+        folder,
+        "calibrate c.csv --cad drawing.csv --fit-joints -o s.csv",
+        &["row 1 ", "touches --fit-joints"],
+    );
+}
+
 /// A taxel without neighbours that a point touches, by an arm said to be exact: its information is finite, and `calibrate`
 /// reads it.
 #[test]
@@ -316,6 +449,7 @@ fn an_exact_arm_gives_finite_information() {
     }
 }
 
+/// Tables that are no log are refused with line and column.
 #[test]
 fn broken_logs_are_refused() {
     let folder = tempfile::tempdir().unwrap();

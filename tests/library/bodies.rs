@@ -6,7 +6,8 @@ use std::sync::atomic::AtomicBool;
 use dermatome::calib::{
     BodyCalibration, BodyFit, BodyFollower, BodyLevel, BodyOptions, CadSkin, CalibOptions, Calibration,
     ContactMeasurement, ContactObservation, ContactObservationId as ContactId, Folds, Information,
-    Misassembly, NamedTaxel, Observations, TaxelVariable, Tolerance, TouchRow, TouchingBody, fit_bodies,
+    JointMotion, Misassembly, NamedTaxel, Observations, TaxelVariable, Tolerance, TouchJoint, TouchRow,
+    TouchingBody, fit_bodies,
 };
 use dermatome::id::{IdVec, VertexId};
 use dermatome::mesh::shapes;
@@ -226,6 +227,8 @@ fn touches(
                         body: None,
                         outward: None,
                         path: None,
+                        velocity: None,
+                        by_joints: Vec::new(),
                     });
                 }
                 number += 1;
@@ -459,6 +462,117 @@ fn spheres_are_taken_off_along_the_normals_of_the_fit() {
     }
 }
 
+/// Makes the values of joints wrong by constant `offsets`, the last of a joint that slides: touches are not where the robot believes them.
+fn joints_are_off(observations: &mut Observations, random: &mut Random, offsets: &[f64]) {
+    let joint = |k: usize| TouchJoint {
+        name: format!("j{k}"),
+        motion: if k + 1 == offsets.len() { JointMotion::Slides } else { JointMotion::Turns },
+    };
+    observations.joints = (0..offsets.len()).map(joint).collect();
+    let mut columns = std::collections::HashMap::new();
+    for (contact, row) in observations.contacts.iter_mut().zip(observations.touches.iter_mut()) {
+        row.by_joints.clone_from(columns.entry(row.touch).or_insert_with(|| {
+            let turns = (1..offsets.len()).map(|_| random.vector(0.3)).collect::<Vec<_>>();
+            turns.into_iter().chain([random.vector(1.0).normalize()]).collect::<Vec<DVec3>>()
+        }));
+        if let ContactMeasurement::Position { position, .. } = &mut contact.measurement {
+            *position -= row.by_joints.iter().zip(offsets).map(|(j, q)| *j * *q).sum::<DVec3>();
+        }
+    }
+}
+
+/// Seven joints, one of which slides, are off by 0.4 degrees and 1 mm: their offsets are found within their standard deviations,
+/// and the skin as from exact joints.
+#[test]
+fn offsets_of_joints_are_found() {
+    let drawn = Drawn::new(20);
+    let spoil = Spoil { mount: [25.0, 8.0], patch: [1.5, 2.0], module: [0.7, 2.0], turned: None };
+    let (mut normalised, mut worst) = (0.0, 0.0_f64);
+    for seed in 0..3 {
+        let mut random = Random(seed);
+        let truth = drawn.spoiled(&mut random, &spoil, |module| module);
+        let mut observations =
+            touches(&truth, &mut random, 0..20, 12, Probe { noise: 1e-3, offset: DVec3::ZERO }, 1);
+        let options = BodyOptions { folds: Some(Folds::default()), ..BodyOptions::default() };
+        let exact = error(&fit_bodies(&observations, &drawn.cad(), &options).unwrap(), &truth);
+        let off = random.vector(0.4_f64.to_radians()).to_array().into_iter();
+        let off: Vec<f64> = off.chain(random.vector(0.4_f64.to_radians()).to_array()).chain([1e-3]).collect();
+        joints_are_off(&mut observations, &mut random, &off);
+        let without = error(&fit_bodies(&observations, &drawn.cad(), &options).unwrap(), &truth);
+        let options = BodyOptions { joints: Some(Tolerance::mm_deg(1.0, 1.0)), ..options };
+        let found = fit_bodies(&observations, &drawn.cad(), &options).unwrap();
+        let with = error(&found, &truth);
+        println!("{:.2} mm, without {:.2}, exact joints {:.2}", 1e3 * with, 1e3 * without, 1e3 * exact);
+        assert!(with < 1.2 * exact && with < 0.8 * without, "{with} m, without {without} m, exact {exact} m");
+        assert_eq!(found.joints.len(), 7);
+        for (joint, off) in found.joints.iter().zip(&off) {
+            let off = (joint.offset - off) / joint.sigma;
+            normalised += off * off / 21.0;
+            worst = worst.max(off.abs());
+            assert!(joint.sigma < 0.2 * joint.tolerance, "{joint:?}");
+        }
+    }
+    println!("errors of offsets over sigma: {normalised:.2} squared, {worst:.2} at most");
+    assert!((0.4..2.0).contains(&normalised) && worst < 4.0, "{normalised}, {worst}");
+}
+
+/// Readings that are 40 ms late: touches that slide in all directions tell it, and the skin is as with a right clock. Of a right clock nothing
+/// is taken off.
+#[test]
+fn late_readings_are_found_by_the_velocity_of_touches() {
+    let drawn = Drawn::new(20);
+    let spoil = Spoil { mount: [25.0, 8.0], patch: [1.5, 2.0], module: [0.7, 2.0], turned: None };
+    for (seed, late) in [(0, 0.0), (1, 0.04), (2, -0.06)] {
+        let mut random = Random(seed);
+        let truth = drawn.spoiled(&mut random, &spoil, |module| module);
+        let probe = Probe { noise: 1e-3, offset: DVec3::ZERO };
+        let mut observations = touches(&truth, &mut random, 0..20, 12, probe, 1);
+        let options = BodyOptions { folds: Some(Folds::default()), ..BodyOptions::default() };
+        let exact = fit_bodies(&observations, &drawn.cad(), &options).unwrap();
+        assert_eq!(exact.delay, None);
+        let mut velocities = std::collections::HashMap::new();
+        for (contact, row) in observations.contacts.iter_mut().zip(observations.touches.iter_mut()) {
+            let velocity = *velocities.entry(row.touch).or_insert_with(|| random.vector(0.015));
+            row.velocity = Some(velocity);
+            if let ContactMeasurement::Position { position, .. } = &mut contact.measurement {
+                *position += velocity * late;
+            }
+        }
+        let found = fit_bodies(&observations, &drawn.cad(), &options).unwrap();
+        let delay = found.delay.unwrap();
+        println!(
+            "{late} s: {delay:?}, {:.2} mm for {:.2}",
+            1e3 * error(&found, &truth),
+            1e3 * error(&exact, &truth)
+        );
+        assert!(
+            (delay.seconds - late).abs() < 4.0 * delay.sigma && delay.sigma < 8e-3,
+            "{delay:?} for {late} s"
+        );
+        assert_eq!(delay.removed, if late == 0.0 { 0.0 } else { delay.seconds });
+        assert!(error(&found, &truth) < 1.1 * error(&exact, &truth));
+    }
+}
+
+/// Offsets of joints need to know how each touch moves with them, and a joint far beyond its tolerance is named.
+#[test]
+fn offsets_of_joints_need_their_columns() {
+    let drawn = Drawn::new(20);
+    let mut random = Random(4);
+    let truth = drawn.spoiled(&mut random, &Spoil::default(), |module| module);
+    let mut observations = touches(&truth, &mut random, 0..20, 10, STILL, 1);
+    let options = BodyOptions { joints: Some(Tolerance::mm_deg(1.0, 1.0)), ..BodyOptions::default() };
+    let said = fit_bodies(&observations, &drawn.cad(), &options).unwrap_err().to_string();
+    assert!(said.contains("row 1 ") && said.contains("dx:NAME"), "{said}");
+    joints_are_off(&mut observations, &mut random, &[0.2, 0.0]);
+    let doubts = fit_bodies(&observations, &drawn.cad(), &options).unwrap().doubts().join("; ");
+    assert!(doubts.contains("the joint j0 is off by 11"), "{doubts}");
+    let row = observations.touches.iter_mut().nth(2).unwrap();
+    row.by_joints.pop();
+    let said = fit_bodies(&observations, &drawn.cad(), &options).unwrap_err().to_string();
+    assert!(said.contains("not known of each joint"), "{said}");
+}
+
 /// Touches of taxels whose ids are shuffled are those of no skin: the fit says so.
 #[test]
 fn a_wrong_log_is_not_believed() {
@@ -601,7 +715,7 @@ fn wrong_touches_are_rejected() {
 fn one_by_one(all: &Observations) -> Vec<Observations> {
     let mut touches: Vec<Observations> = Vec::new();
     for (number, contact) in all.contacts.enumerate() {
-        let row = all.touches[number];
+        let row = all.touches[number].clone();
         if touches.last().is_none_or(|last| last.touches[ContactId::new(0)].touch != row.touch) {
             touches.push(Observations::default());
         }

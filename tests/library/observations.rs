@@ -4,8 +4,8 @@ use std::{fs, path::PathBuf};
 
 use dermatome::calib::{
     ContactMeasurement, ContactObservation, ContactObservationId, DisplacementId, DisplacementMeasurement,
-    Information, Model, Pose, PoseMeasurement, SimulateOptions, TouchRow, TouchingBody, calibrate,
-    calibrated_skin, simulate,
+    Information, JointMotion, Model, Pose, PoseMeasurement, SimulateOptions, TouchJoint, TouchRow,
+    TouchingBody, calibrate, calibrated_skin, simulate,
 };
 use dermatome::id::VertexId;
 use dermatome::io::{
@@ -57,20 +57,36 @@ fn simulated_graphs_come_back_bit_by_bit() {
 /// Touches come back with their contacts; a table has the same columns in every row.
 #[test]
 fn touches_of_contacts_go_into_a_table_and_come_back() {
-    let text = "i,x,y,z,touch,contact,weight,qx,qy,qz,qw,px,py,pz,radius,pathx,pathy,pathz,sigma\n\
-                5,0.1,0,0,3,9,1,0.6,0,0,0.8,1,2,3,0.01,0,0,0.003,0.5\n\
-                7,0.2,0,0,3,9,0.25,0,0,0,1,1,2,3,0.01,0,0,0.003,0.5\n";
+    let text = "i,x,y,z,touch,contact,weight,qx,qy,qz,qw,px,py,pz,radius,pathx,pathy,pathz,\
+                dx:Left Elbow,dy:Left Elbow,dz:Left Elbow,\"dx:a,b[m]\",\"dy:a,b[m]\",\"dz:a,b[m]\",sigma\n\
+                5,0.1,0,0,3,9,1,0.6,0,0,0.8,1,2,3,0.01,0,0,0.003,0.1,0.2,0.3,0,1,0,0.5\n\
+                7,0.2,0,0,3,9,0.25,0,0,0,1,1,2,3,0.01,0,0,0.003,0.1,0.2,0.3,0,1,0,0.5\n";
     let (folder, path) = file("a.csv", text);
     let (mut observations, remarks) = read_observations(&path, &[]).unwrap();
     assert!(remarks.is_empty(), "{remarks:?}");
     let probe = Some(DQuat::from_xyzw(0.6, 0.0, 0.0, 0.8));
     let body = Some(TouchingBody { centre: DVec3::new(1.0, 2.0, 3.0), radius: 0.01 });
     let way = Some(DVec3::new(0.0, 0.0, 0.003));
-    let rows: Vec<TouchRow> = observations.touches.iter().copied().collect();
+    let rows: Vec<TouchRow> = observations.touches.iter().cloned().collect();
+    let by_joints = vec![DVec3::new(0.1, 0.2, 0.3), DVec3::Y];
+    let (touch, contact) = (Some(3), Some(9));
     assert_eq!(
         rows[0],
-        TouchRow { touch: Some(3), contact: Some(9), weight: 1.0, probe, body, outward: None, path: way }
+        TouchRow {
+            touch,
+            contact,
+            weight: 1.0,
+            probe,
+            body,
+            outward: None,
+            path: way,
+            velocity: None,
+            by_joints
+        }
     );
+    let joint = |name: &str, motion| TouchJoint { name: name.into(), motion };
+    let joints = [joint("Left Elbow", JointMotion::Turns), joint("a,b", JointMotion::Slides)];
+    assert_eq!(observations.joints, joints);
     assert_eq!((rows[1].weight, rows[1].probe), (0.25, Some(DQuat::IDENTITY)));
     let copy = folder.path().join("b.csv");
     write_observations(&copy, &observations).unwrap();
@@ -81,12 +97,18 @@ fn touches_of_contacts_go_into_a_table_and_come_back() {
     observations.touches[ContactObservationId::new(1)].contact = None;
     let error = write_observations(&copy, &observations).unwrap_err().to_string();
     assert!(error.contains("the same columns in every row"), "{error}");
-    observations.touches = observations.touches.iter().take(1).copied().collect();
+    let mut scaled = observations.clone();
+    scaled.scale(1e-3);
+    let row = scaled.touches.iter().next().unwrap();
+    assert_eq!((row.path, row.body.unwrap().radius), (way.map(|way| 1e-3 * way), 1e-5));
+    assert_eq!(row.by_joints, [1e-3 * DVec3::new(0.1, 0.2, 0.3), DVec3::Y], "a length by a length stays");
+    observations.touches = observations.touches.iter().take(1).cloned().collect();
     assert_eq!(
         observations.validate().unwrap_err().to_string(),
         "there are 1 touches of 2 contacts; needed: one for each, or none"
     );
     assert!(refusal("a.csv", "i,x,y,z,qx,qy,qz\n1,0,0,0,0,0,0\n").contains("qw"));
+    assert!(refusal("a.csv", "i,x,y,z,dx:a,dy:a\n1,0,0,0,0,0\n").contains("dz:a"));
 }
 
 #[test]

@@ -99,7 +99,7 @@ fn observations_of_contacts_are_those_of_their_table() {
     let found = contacts_of_touches(&simulation.log, &TouchesOptions::default()).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("contacts.csv");
-    write_touch_contacts(path.as_path(), &found.contacts).unwrap();
+    write_touch_contacts(path.as_path(), &found).unwrap();
     let (read, remarks) = read_observations(&path, &[]).unwrap();
     assert_eq!((read, remarks), (found.observations(), Vec::new()));
 }
@@ -135,13 +135,14 @@ fn frame(row: usize, touch: u64, felt: &[(u32, f64)]) -> TouchFrame {
         body: TouchBody::Sphere { centre: DVec3::new(0.0, 0.0, 0.012), radius: 0.0 },
         body_rotation: None,
         felt: felt.iter().map(|&(id, x)| (TaxelId(id), x)).collect(),
+        by_joints: Vec::new(),
     }
 }
 
 /// A log in disorder is refused with the row.
 #[test]
 fn logs_in_disorder_are_refused() {
-    let log = |frames: Vec<TouchFrame>| TouchLog { frames, has_readings: true };
+    let log = |frames: Vec<TouchFrame>| TouchLog { frames, has_readings: true, ..TouchLog::default() };
     let felt = [(3, 1.0), (4, 2.0)];
     let kind = |log: TouchLog| {
         let error = contacts_of_touches(&log, &TouchesOptions::default()).unwrap_err();
@@ -175,7 +176,7 @@ fn logs_in_disorder_are_refused() {
 fn without_readings_contacts_are_where_the_body_was() {
     let log = TouchLog {
         frames: vec![frame(1, 5, &[(3, 1.0), (4, 1.0)]), frame(2, 6, &[(4, 1.0)])],
-        has_readings: false,
+        ..TouchLog::default()
     };
     let found = contacts_of_touches(&log, &TouchesOptions::default()).unwrap();
     let rows: Vec<_> = found.contacts.iter().map(|c| (c.touch, c.taxel.0, c.weight)).collect();
@@ -200,7 +201,7 @@ fn planes_of_three_normals_place_a_taxel() {
         TouchFrame { body: TouchBody::Plane { point, normal }, ..frame(row + 1, row as u64, &[(3, 1.0)]) }
     };
     let frames = normals.into_iter().enumerate().map(plane).collect();
-    let log = TouchLog { frames, has_readings: false };
+    let log = TouchLog { frames, has_readings: false, ..TouchLog::default() };
     let found = contacts_of_touches(&log, &TouchesOptions::default()).unwrap();
     for (contact, normal) in found.contacts.iter().zip(normals) {
         let information = DMat3::from_cols_array_2d(&contact.information.0);
@@ -240,7 +241,9 @@ fn spheres_inside_the_drawing_are_named() {
         neighbours: [[TaxelId(3), TaxelId(4)]].into(),
     };
     let options = TouchesOptions { drawing: Some(drawing), ..TouchesOptions::default() };
-    let found = contacts_of_touches(&TouchLog { frames, has_readings: true }, &options).unwrap();
+    let found =
+        contacts_of_touches(&TouchLog { frames, has_readings: true, ..TouchLog::default() }, &options)
+            .unwrap();
     assert_eq!(found.summary.inside, [3]);
 }
 
@@ -361,12 +364,13 @@ fn readings_show_which_side_is_outside() {
         },
         body_rotation: None,
         felt: (0..3).map(|id| (TaxelId(id), depth * f64::from(id + 1))).collect(),
+        by_joints: Vec::new(),
     };
     let frames = (0..9).map(|k| {
         let depth = 1e-4 * (1.0 + (4.0 - (k as f64 - 4.0).abs()));
         frame(k, 0.01 - depth, depth)
     });
-    let log = TouchLog { frames: frames.collect(), has_readings: true };
+    let log = TouchLog { frames: frames.collect(), has_readings: true, ..TouchLog::default() };
     let ids = [0, 1, 2].map(TaxelId);
     let drawing = Drawing {
         positions: ids.iter().map(|id| (*id, DVec3::X * 4e-3 * f64::from(id.0))).collect(),

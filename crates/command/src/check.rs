@@ -14,7 +14,7 @@ use serde_json::{Value, json};
 
 use crate::check::order::OrderArgs;
 use crate::check::recordings::{RecordingArgs, finding_as_json, sentences, summary_as_json};
-use crate::console::errors::INCOMPLETE;
+use crate::console::errors::{INCOMPLETE, advise};
 use crate::console::notes::note;
 use crate::console::print::{line, print, print_gaps, print_json};
 use crate::files::input::{gaps_as_json, gaps_of, read_draft_of, read_map_if_any, read_skin};
@@ -33,6 +33,9 @@ pub(crate) struct Args {
     /// Skin or mesh: .glb, .gltf, .json, .obj, .off, .ply, .stl, .dae, .3mf, .urdf, .xml, .npz, .csv or
     /// .txt; or a log of touches: .csv or .txt
     file: InPath,
+    /// The link whose touches are judged, if a log has several
+    #[arg(long, value_name = "NAME")]
+    link: Option<String>,
     /// Print all elements of every finding as JSON.
     #[arg(long)]
     json: bool,
@@ -52,7 +55,11 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         && args.recordings.is_empty()
         && is_touch_log(&args.file)
     {
-        return log::run(&args.file, args.json, common);
+        return log::run(&args.file, args.link.as_deref(), args.json, common);
+    }
+    if args.link.is_some() {
+        let what = format!("--link: {} is no log of touches by itself", args.file.display());
+        return Err(advise(what, "leave out --link"));
     }
     args.recordings.check(if args.order.order { "twice" } else { "three times" })?;
     let draft = read_draft_of(&args.file, &args.read, false)?;

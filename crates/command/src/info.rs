@@ -93,8 +93,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
             all["modalities"] = modalities.into_iter().map(object).collect();
         }
         if let Some(robot) = &robot {
-            let rows = args.joints.as_ref().map(|joints| joints.rows(robot, common)).transpose()?;
-            let first = rows.and_then(|rows| rows.into_iter().next()).map(|(_, values)| values);
+            let values = args.joints.as_ref().map(|joints| joints.values(robot, common)).transpose()?;
+            let first = values.and_then(|values| values.rows.into_iter().next()).map(|(_, values)| values);
             let poses = robot.poses(&first.unwrap_or_else(|| robot.joint_values(&[])));
             all["links"] =
                 robot.links.enumerate().map(|(id, link)| link_json(robot, id, link, &poses[id])).collect();

@@ -8,16 +8,17 @@ use anyhow::Context;
 use dermatome::Error;
 use dermatome::id::IdVec;
 use dermatome::io::{
-    ReadingsLayout, ReadingsReader, read_link_names, read_motion, read_response, read_touches,
+    ReadingsLayout, ReadingsReader, read_link_names, read_motion, read_response, read_robot, read_touches,
     write_touch_contacts,
 };
+use dermatome::robot::Robot;
 use dermatome::signal::TaxelState;
 use dermatome::skin::{Link, LinkId, Motion, Skin, TaxelId};
 use dermatome::touches::{
-    Drawing, LeftOutReading, LogOfRows, RowSources, TouchReadings, TouchRow, TouchesError, TouchesOptions,
-    contacts_of_touches, log_of_rows, pose_in_motion,
+    Drawing, JointColumns, JointSource, LeftOutReading, LogOfRows, RowSources, TouchReadings, TouchRow,
+    TouchesError, TouchesOptions, contacts_of_touches, log_of_rows, pose_in_motion,
 };
-use glam::DAffine3;
+use glam::{DAffine3, DVec3};
 use serde::Serialize;
 
 use crate::console::errors::advise;
@@ -26,7 +27,8 @@ use crate::console::print::print_json;
 use crate::files::input::{read_any_skin, read_draft_of, read_map_if_any};
 use crate::files::outputs;
 use crate::options::{
-    Common, InPath, JointsArg, OutFile, ReadArgs, RobotArgs, SkipArg, joints, length_mm, skip_arg,
+    Common, InPath, JointValues, JointsArg, OutFile, ReadArgs, RobotArgs, SkipArg, joints, length_mm,
+    skip_arg,
 };
 use crate::readings::positive;
 
@@ -61,6 +63,9 @@ pub(crate) struct Args {
     /// a column for each joint and, if they move, time in s
     #[arg(long, value_name = "FILE|NAME=VALUE", value_parser = joints, requires = "pose")]
     joints: Option<JointsArg>,
+    /// Write how each touch moves with the joints between the skin and what touches it, for `calibrate --fit-joints`
+    #[arg(long, requires = "joints")]
+    fit_joints: bool,
     /// The link whose skin is touched, if the log has several
     #[arg(long, value_name = "NAME")]
     link: Option<String>,
@@ -116,6 +121,7 @@ struct Summary {
     arm_noise_mm: f64,
     reading_noise: Option<f64>,
     spacing_mm: Option<f64>,
+    joints: Vec<String>,
 }
 
 /// What gives no contact.
@@ -167,7 +173,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     };
     let found =
         contacts_of_touches(&made.log, &options).map_err(Error::from).with_context(|| args.about())?;
-    write_touch_contacts(common.outputs.file(&args.output), &found.contacts).map_err(Error::from)?;
+    write_touch_contacts(common.outputs.file(&args.output), &found).map_err(Error::from)?;
     outputs::publish(common)?;
     for remark in made.remarks().into_iter().chain(found.remarks()) {
         note!(common, "{remark}");
@@ -194,6 +200,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
             arm_noise_mm: 1e3 * summary.arm_noise,
             reading_noise: summary.reading_noise,
             spacing_mm: summary.spacing.map(|spacing| 1e3 * spacing),
+            joints: found.joints.iter().map(|joint| joint.name.clone()).collect(),
         };
         print_json("dermatome.touches/1", &printed)?;
     }
@@ -222,33 +229,54 @@ impl Args {
         }
         let still = |name| Link { name, parent: None, pose: DAffine3::IDENTITY };
         let links: IdVec<LinkId, Link> = names.into_iter().map(still).collect();
-        let motion = self.pose.as_ref().map(|path| self.motion(path, &links, common)).transpose()?;
+        let robot = self.pose.as_deref().filter(|path| RobotArgs::describes(path)).map(read_robot);
+        let robot = robot.transpose().map_err(Error::from)?;
+        let values = robot.as_ref().map(|robot| self.values(robot, common)).transpose()?;
+        let columns =
+            robot.as_ref().zip(values.as_ref()).map(|(robot, values)| JointColumns::new(robot, &values.rows));
+        let motion = match (&self.pose, &robot, &values) {
+            (_, Some(robot), Some(values)) => Some(robot.motion(&values.rows, &links).map_err(Error::from)?),
+            (Some(path), ..) => Some(self.motion(path, &links, common)?),
+            (None, ..) => None,
+        };
         let recording = |path: &InPath| self.recording(path, skin, link, common);
         let readings = self.readings.as_ref().map(recording).transpose()?;
         let pose = |name: &str, time: f64| pose_in_motion(motion.as_ref()?, &links, name, time);
         let span = motion.as_ref().and_then(Motion::times).filter(|[first, last]| first < last);
+        let given = values.as_ref().map(|values| &*values.given).unwrap_or_default();
+        let by_joints = |time: f64, link: &str, body: Option<&str>, point: DVec3| {
+            columns.as_ref()?.at(time, link, body, point)
+        };
+        let joints = columns.as_ref().map(JointColumns::joints).unwrap_or_default();
+        let given = (0..joints.len()).map(|joint| given.contains(&joint)).collect();
+        let times = columns.as_ref().and_then(JointColumns::times);
+        let joints = JointSource { joints, given, by_joints: &by_joints, times };
         let sources = RowSources {
             pose: motion.is_some().then_some(&pose),
             pose_times: span,
             readings: readings.as_ref(),
             radius: self.radius,
             link: self.link.as_deref(),
+            joints: self.fit_joints.then_some(&joints),
         };
         log_of_rows(rows, &sources).map_err(Error::from).with_context(|| self.about())
     }
 
-    /// How links move: poses, or the joints of a robot.
+    /// The values of the joints of a robot.
+    fn values(&self, robot: &Robot, common: &Common) -> anyhow::Result<JointValues> {
+        let rest = || Ok(JointValues { rows: vec![(0.0, robot.joint_values(&[]))], given: Vec::new() });
+        self.joints.as_ref().map_or_else(rest, |joints| joints.values(robot, common))
+    }
+
+    /// How links move, by a table of poses.
     fn motion(&self, path: &Path, links: &IdVec<LinkId, Link>, common: &Common) -> anyhow::Result<Motion> {
-        if !RobotArgs::describes(path) {
-            if self.joints.is_some() {
-                let what = format!("--joints: {} is no robot", path.display());
-                return Err(advise(what, "give --pose a .urdf or .xml, or leave out --joints"));
-            }
-            let read = read_motion(path, None, links).map_err(Error::from)?;
-            note_columns(path, &read.unused, common);
-            return Ok(read.motion);
+        if self.joints.is_some() {
+            let what = format!("--joints: {} is no robot", path.display());
+            return Err(advise(what, "give --pose a .urdf or .xml, or leave out --joints"));
         }
-        JointsArg::motion(self.joints.as_ref(), path, links, common)
+        let read = read_motion(path, None, links).map_err(Error::from)?;
+        note_columns(path, &read.unused, common);
+        Ok(read.motion)
     }
 
     /// The readings of a recording, and above which a taxel is active.

@@ -5,8 +5,8 @@ use std::{collections::HashMap, path::PathBuf, sync::Arc};
 use dermatome::{
     Error, Skin,
     calib::{
-        BodyCalibration, BodyFit, BodyLevel, BodyOptions, CadSkin, CalibratedTaxel, Folds, Misassembly,
-        ModuleId, ModuleNames, NamedTaxel, Tolerance, fit_bodies_with,
+        BodyCalibration, BodyFit, BodyLevel, BodyOptions, CadSkin, CalibratedTaxel, Folds, JointMotion,
+        JointOffset, Misassembly, ModuleId, ModuleNames, NamedTaxel, Tolerance, fit_bodies_with,
     },
     id::{IdVec, VertexId},
     io::{modules_of_skin, read_draft, read_modules, write_bodies},
@@ -126,6 +126,14 @@ impl Drawing {
         });
         all.set_item("probe", probe)?;
         all.set_item("standoff", found.standoff.map(|[standoff, _]| standoff))?;
+        let joint = |found: &JointOffset| {
+            let slides = found.joint.motion == JointMotion::Slides;
+            (found.joint.name.clone(), slides, found.offset, found.sigma)
+        };
+        all.set_item("joints", found.joints.iter().map(joint).collect::<Vec<_>>())?;
+        all.set_item("delay", found.delay.map(|delay| delay.seconds))?;
+        all.set_item("delay_sigma", found.delay.map(|delay| delay.sigma))?;
+        all.set_item("delay_removed", found.delay.map_or(0.0, |delay| delay.removed))?;
         all.set_item("standoff_sigma", found.standoff.map(|[_, sigma]| sigma))?;
         let bodies: Vec<_> = found.bodies.iter().map(|body| of_body(py, body)).collect::<PyResult<_>>()?;
         all.set_item("bodies", PyList::new(py, bodies)?)?;
@@ -192,6 +200,7 @@ pub(crate) struct BodyArgs {
     module_angle: Option<f64>,
     fit_probe: Option<f64>,
     fit_standoff: Option<f64>,
+    fit_joints: Option<f64>,
     as_drawn: bool,
     folds: i64,
     seed: u64,
@@ -214,6 +223,9 @@ impl BodyArgs {
             level: word("level", &self.level, &levels)?,
             probe: self.fit_probe,
             standoff: self.fit_standoff,
+            joints: self
+                .fit_joints
+                .map(|turn| Tolerance { translation: 1e-3 * turn.to_degrees(), rotation: turn }),
             misassembly: if self.as_drawn { Misassembly::Reported } else { Misassembly::Corrected },
             folds: Some(folds),
         })

@@ -4,8 +4,9 @@ use std::{io::Cursor, path::PathBuf, sync::Arc};
 
 use dermatome::{
     calib::{
-        ContactMeasurement, ContactObservation, Displacement, DisplacementMeasurement, Information, Model,
-        Observations, Pose, PoseMeasurement, TaxelVariable, TouchRow, TouchingBody,
+        ContactMeasurement, ContactObservation, Displacement, DisplacementMeasurement, Information,
+        JointMotion, Model, Observations, Pose, PoseMeasurement, TaxelVariable, TouchJoint, TouchRow,
+        TouchingBody,
     },
     id::VertexId,
     io::{ObservationRemark, observations_from_stream, read_observations, write_observations},
@@ -208,10 +209,11 @@ impl PyObservations {
         taxels: Vec<TaxelState>,
         edges: Vec<EdgeState>,
         contacts: Vec<ContactState>,
-        touches: Vec<TouchState>,
+        touches: (Vec<JointState>, Vec<TouchState>),
         remarks: Vec<String>,
         assumed: Option<(String, bool)>,
     ) -> PyResult<Self> {
+        let (joints, touches) = touches;
         let count = taxels.len();
         let taxel = |number: u32| Some(VertexId::from(number)).filter(|taxel| taxel.index() < count);
         let variable = |(id, initial, fixed): TaxelState| TaxelVariable {
@@ -227,14 +229,23 @@ impl PyObservations {
             Some(ContactObservation { taxel: taxel(of)?, measurement: contact(&numbers)? })
         };
         let body = |[x, y, z, radius]: [f64; 4]| TouchingBody { centre: DVec3::new(x, y, z), radius };
-        let touch = |(touch, contact, weight, probe, by, outward, path): TouchState| TouchRow {
-            touch,
-            contact,
-            weight,
-            probe: probe.map(DQuat::from_array),
-            body: by.map(body),
-            outward: outward.map(DVec3::from_array),
-            path: path.map(DVec3::from_array),
+        let touch =
+            |((touch, contact, weight, probe), by, [outward, path, velocity], by_joints): TouchState| {
+                TouchRow {
+                    touch,
+                    contact,
+                    weight,
+                    probe: probe.map(DQuat::from_array),
+                    body: by.map(body),
+                    outward: outward.map(DVec3::from_array),
+                    path: path.map(DVec3::from_array),
+                    velocity: velocity.map(DVec3::from_array),
+                    by_joints: by_joints.into_iter().map(DVec3::from_array).collect(),
+                }
+            };
+        let joint = |(name, slides): JointState| TouchJoint {
+            name,
+            motion: if slides { JointMotion::Slides } else { JointMotion::Turns },
         };
         let made = || {
             Some(Observations {
@@ -243,6 +254,7 @@ impl PyObservations {
                 edges: edges.into_iter().map(edge).collect::<Option<_>>()?,
                 contacts: contacts.into_iter().map(contact).collect::<Option<_>>()?,
                 touches: touches.into_iter().map(touch).collect(),
+                joints: joints.into_iter().map(joint).collect(),
             })
         };
         let made =
@@ -252,7 +264,7 @@ impl PyObservations {
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Reduced<'py>> {
         let (py, Self { observations, remarks, assumed }) = (slf.py(), slf.get());
-        let Observations { model, taxels, edges, contacts, touches } = &**observations;
+        let Observations { model, taxels, edges, contacts, touches, joints } = &**observations;
         let variable = |taxel: &TaxelVariable| (taxel.id.0, taxel.initial.as_ref().map(numbers), taxel.fixed);
         let taxels: Vec<TaxelState> = taxels.iter().map(variable).collect();
         let edge =
@@ -263,12 +275,22 @@ impl PyObservations {
         let body = |TouchingBody { centre, radius }: TouchingBody| [centre.x, centre.y, centre.z, radius];
         let touch = |row: &TouchRow| {
             let probe = row.probe.map(|q| q.to_array());
-            let [outward, path] = [row.outward, row.path].map(|vector| vector.map(|v| v.to_array()));
-            (row.touch, row.contact, row.weight, probe, row.body.map(body), outward, path)
+            let vectors = [row.outward, row.path, row.velocity].map(|vector| vector.map(|v| v.to_array()));
+            let by_joints = row.by_joints.iter().map(|column| column.to_array()).collect();
+            ((row.touch, row.contact, row.weight, probe), row.body.map(body), vectors, by_joints)
         };
+        let joint = |joint: &TouchJoint| (joint.name.clone(), joint.motion == JointMotion::Slides);
+        let joints: Vec<JointState> = joints.iter().map(joint).collect();
         let touches: Vec<TouchState> = touches.iter().map(touch).collect();
-        let state =
-            (*model == Model::Poses, taxels, edges, contacts, touches, remarks.clone(), assumed.clone());
+        let state = (
+            *model == Model::Poses,
+            taxels,
+            edges,
+            contacts,
+            (joints, touches),
+            remarks.clone(),
+            assumed.clone(),
+        );
         Ok((py.get_type::<Self>().getattr("_of")?, state.into_pyobject(py)?))
     }
 
@@ -297,9 +319,16 @@ type EdgeState = ([u32; 2], Vec<f64>);
 type ContactState = (u32, Vec<f64>);
 
 /// A touch: its number, that of its contact, its weight, the orientation of the probe, the centre and radius of what
-/// touched, the direction in which its readings fell, and its path.
-type TouchState =
-    (Option<u64>, Option<u64>, f64, Option<[f64; 4]>, Option<[f64; 4]>, Option<[f64; 3]>, Option<[f64; 3]>);
+/// touched, the direction in which its readings fell, its path, its velocity, and how it moves with each joint.
+type TouchState = (
+    (Option<u64>, Option<u64>, f64, Option<[f64; 4]>),
+    Option<[f64; 4]>,
+    [Option<[f64; 3]>; 3],
+    Vec<[f64; 3]>,
+);
+
+/// The name of a joint, and whether it slides.
+type JointState = (String, bool);
 
 /// A pose as position and quaternion.
 fn numbers(pose: &Pose) -> [f64; 7] {

@@ -2,7 +2,7 @@
 
 use std::{
     collections::{BTreeMap, BTreeSet},
-    path::{Path, PathBuf},
+    path::PathBuf,
     sync::Arc,
 };
 
@@ -17,11 +17,11 @@ use dermatome::{
     signal::Channel,
     skin::{Link, LinkId, Motion, TaxelId},
     touches::{
-        Drawing, LogOfRows, RowSources, TouchReadings, TouchesOptions, contacts_of_touches_with, log_of_rows,
-        pose_in_motion,
+        Drawing, JointColumns, JointSource, LogOfRows, RowSources, TouchReadings, TouchesOptions,
+        contacts_of_touches_with, log_of_rows, pose_in_motion,
     },
 };
-use glam::DAffine3;
+use glam::{DAffine3, DVec3};
 use numpy::PyUntypedArrayMethods;
 use pyo3::{prelude::*, types::PyDict};
 
@@ -69,6 +69,7 @@ pub(crate) struct TouchesArgs<'py> {
     threshold: Option<f64>,
     pose: Option<PathBuf>,
     joints: Option<JointsArg>,
+    fit_joints: bool,
     link: Option<String>,
     radius: Option<f64>,
     taxel_radius: f64,
@@ -79,6 +80,9 @@ pub(crate) struct TouchesArgs<'py> {
     threads: i64,
 }
 
+/// The values of all joints at some times (s), and the joints of which values are given.
+type JointValues = (Vec<(f64, Vec<f64>)>, Vec<usize>);
+
 /// The same, converted.
 struct Sources {
     readings: Option<TouchReadings>,
@@ -86,6 +90,7 @@ struct Sources {
     /// What `pose` describes, if that is a robot.
     robot: Option<Robot>,
     joints: Option<JointsArg>,
+    fit_joints: bool,
     link: Option<String>,
     radius: Option<f64>,
 }
@@ -130,7 +135,32 @@ impl Sources {
         }
         let link = |name| Link { name, parent: None, pose: DAffine3::IDENTITY };
         let links: IdVec<LinkId, Link> = names.into_iter().map(link).collect();
-        let motion = self.pose.as_ref().map(|path| self.motion(path, &links, remarks)).transpose()?;
+        let values = self.robot.as_ref().map(|robot| self.joint_values(robot, remarks)).transpose()?;
+        let columns =
+            self.robot.as_ref().zip(values.as_ref()).map(|(robot, (rows, _))| JointColumns::new(robot, rows));
+        let unlikely = columns.as_ref().map(JointColumns::unlikely).unwrap_or_default();
+        if !unlikely.is_empty() {
+            let names: Vec<String> = unlikely.into_iter().map(|joint| joint.name).collect();
+            let names = names.join(", ");
+            remarks.push(format!("beyond 360 degrees or 10 m, as other units would be, of the joints {names}: the values are taken in rad and m"));
+        }
+        let motion = match (&self.pose, &self.robot, &values) {
+            (_, Some(robot), Some((rows, _))) => Some(robot.motion(rows, &links)?),
+            (Some(path), ..) => {
+                let read = read_motion(path, None, &links)?;
+                note_columns(&path.display().to_string(), &read.unused, remarks);
+                Some(read.motion)
+            }
+            (None, ..) => None,
+        };
+        let by_joints = |time: f64, link: &str, body: Option<&str>, point: DVec3| {
+            columns.as_ref()?.at(time, link, body, point)
+        };
+        let joints = columns.as_ref().map(JointColumns::joints).unwrap_or_default();
+        let given = values.as_ref().map(|(_, given)| &**given).unwrap_or_default();
+        let given = (0..joints.len()).map(|joint| given.contains(&joint)).collect();
+        let times = columns.as_ref().and_then(JointColumns::times);
+        let joints = JointSource { joints, given, by_joints: &by_joints, times };
         let pose = |name: &str, time: f64| pose_in_motion(motion.as_ref()?, &links, name, time);
         let sources = RowSources {
             pose: motion.is_some().then_some(&pose),
@@ -138,36 +168,28 @@ impl Sources {
             readings: self.readings.as_ref(),
             radius: self.radius,
             link: self.link.as_deref(),
+            joints: self.fit_joints.then_some(&joints),
         };
         Ok(log_of_rows(rows, &sources)?)
     }
 
-    /// How links move: poses, or the joints of a robot.
-    fn motion(
-        &self,
-        path: &Path,
-        links: &IdVec<LinkId, Link>,
-        remarks: &mut Vec<String>,
-    ) -> Result<Motion, Error> {
-        let Some(robot) = &self.robot else {
-            let read = read_motion(path, None, links)?;
-            note_columns(&path.display().to_string(), &read.unused, remarks);
-            return Ok(read.motion);
-        };
-        let rows = match &self.joints {
-            None => vec![(0.0, robot.joint_values(&[]))],
+    /// The values of all joints of the robot at some times, and the joints of which values are given.
+    fn joint_values(&self, robot: &Robot, remarks: &mut Vec<String>) -> Result<JointValues, Error> {
+        Ok(match &self.joints {
+            None => (vec![(0.0, robot.joint_values(&[]))], Vec::new()),
             Some(JointsArg::Table(path)) => {
                 let table = read_joint_values(path, robot)?;
                 note_columns(&path.display().to_string(), &table.unused, remarks);
-                table.rows
+                (table.rows, table.given)
             }
             Some(JointsArg::Named(values)) => {
                 let joints = robot.joints.iter().enumerate();
                 let given = joints.filter_map(|(k, joint)| Some((k, *values.get(&joint.name)?)));
-                vec![(0.0, robot.joint_values(&given.collect::<Vec<_>>()))]
+                let given: Vec<(usize, f64)> = given.collect();
+                let joints = given.iter().map(|&(joint, _)| joint).collect();
+                (vec![(0.0, robot.joint_values(&given))], joints)
             }
-        };
-        Ok(robot.motion(&rows, links)?)
+        })
     }
 }
 
@@ -194,7 +216,8 @@ pub(crate) fn contacts_of_log<'py>(
     let channel = channel.transpose()?;
     let mut remarks = Vec::new();
     let radius = arguments.radius.map(|radius| positive("radius", radius)).transpose()?;
-    let TouchesArgs { threshold, pose, joints, link, arm_noise, delay, skip, threads, .. } = arguments;
+    let TouchesArgs { threshold, pose, joints, fit_joints, link, arm_noise, delay, skip, threads, .. } =
+        arguments;
     let of_robot = pose.clone().filter(|path| is_robot(path));
     let robot = of_robot.map(|path| run(py, 0, move |_| read_robot(&path))?.map_err(error)).transpose()?;
     match (&robot, &joints) {
@@ -216,7 +239,7 @@ pub(crate) fn contacts_of_log<'py>(
         }
         _ => {}
     }
-    let mut sources = Sources { readings, pose, robot, joints, link, radius };
+    let mut sources = Sources { readings, pose, robot, joints, fit_joints, link, radius };
     let work = move |stop: &Stop| {
         let rows = match log {
             LogArg::Table(LogText { text }) => touches_from_bytes("log".as_ref(), text.into_bytes())?,
@@ -277,5 +300,6 @@ pub(crate) fn contacts_of_log<'py>(
     summary.set_item("arm_noise", said.arm_noise)?;
     summary.set_item("reading_noise", said.reading_noise)?;
     summary.set_item("spacing", said.spacing)?;
+    summary.set_item("joints", found.joints.iter().map(|joint| joint.name.clone()).collect::<Vec<_>>())?;
     Ok((PyObservations::new(found.observations(), remarks), summary))
 }

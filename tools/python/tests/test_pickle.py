@@ -80,9 +80,10 @@ def one_of_each(dome_map, tmp_path):
     (tmp_path / "arm.urdf").write_text("<robot name='r'><link name='hand'/></robot>")
     (tmp_path / "response.csv").write_text("taxel_id,gain,sigma\n1,2,0.1\n2,3,\n")
     columns = {"i": [1], "x": [0.001], "y": [0], "z": [0], "touch": [0], "contact": [0], "qx": [0], "qy": [0], "qz": [0], "qw": [1]}
+    columns |= {"dx:elbow": [0.1], "dy:elbow": [0], "dz:elbow": [0]}
     columns = {name: np.resize(column, 4) for name, column in columns.items()} | {"i": [1, 2, 3, 4], "touch": range(4), "contact": range(4)}
     contacts = dermatome.Observations.from_columns(columns | {"sigma": [1e-3] * 4})
-    bodies = dermatome.calibrate(contacts, cad=dermatome.Skin.from_arrays(*dome()), fit_probe=True, folds=2)
+    bodies = dermatome.calibrate(contacts, cad=dermatome.Skin.from_arrays(*dome()), fit_probe=True, fit_joints=True, folds=2)
     following = dermatome.follow([contacts])
     patch, layout = dome_map.patches["dome"], dermatome.Layout.parse(LAYOUT)
     things = [
@@ -93,7 +94,7 @@ def one_of_each(dome_map, tmp_path):
         layout.decoder("a.npy", (256,)), dermatome.RecordingFile(tmp_path / "a.npy"), dermatome.Readings.open(tmp_path / "a.npy", layout=layout),
         dermatome.Readings.from_arrays(values, units="N"), *(error("no", "argument") for error in (dermatome.Error, dermatome.DataError, dermatome.ArgumentError)),
         dermatome.DermatomeWarning("poor"), dermatome.FileError("no", "io"), dermatome.MissingFileError("no", "read"), dermatome.Response.read(tmp_path / "response.csv"),
-        bodies, bodies.bodies[1], bodies.probe, bodies.held_back, bodies.held_back.levels[0], next(following), following,
+        bodies, bodies.bodies[1], bodies.probe, bodies.joints[0], bodies.held_back, bodies.held_back.levels[0], next(following), following,
     ]  # fmt: skip
     return {type(thing).__name__: thing for thing in things}
 

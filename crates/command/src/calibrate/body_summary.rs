@@ -1,7 +1,8 @@
 //! What `calibrate --cad` prints.
 
 use dermatome::calib::{
-    BodyCalibration, BodyFit, BodyLevel, CadSkin, Comparison, HeldBack, ModuleId, Tolerance,
+    BodyCalibration, BodyFit, BodyLevel, CadSkin, Comparison, HeldBack, JointMotion, JointOffset, ModuleId,
+    Tolerance,
 };
 use serde::Serialize;
 
@@ -24,6 +25,10 @@ pub(super) struct BodySummary {
     probe: Option<ProbeSummary>,
     standoff_mm: Option<f64>,
     standoff_sigma_mm: Option<f64>,
+    joints: Vec<JointRow>,
+    delay_ms: Option<f64>,
+    delay_sigma_ms: Option<f64>,
+    delay_removed_ms: f64,
     bodies: Vec<BodyRow>,
     exchanged: Vec<[String; 2]>,
     turned: Vec<TurnedRow>,
@@ -42,6 +47,26 @@ pub(super) struct BodySummary {
 struct ProbeSummary {
     offset_mm: [f64; 3],
     sigma_mm: [f64; 3],
+}
+
+/// The offset of a joint from its values.
+#[derive(Debug, Serialize)]
+struct JointRow {
+    name: String,
+    unit: &'static str,
+    offset: f64,
+    sigma: f64,
+}
+
+impl JointRow {
+    fn new(found: &JointOffset) -> Self {
+        let (unit, scale) = match found.joint.motion {
+            JointMotion::Turns => ("degrees", 1_f64.to_degrees()),
+            JointMotion::Slides => ("mm", 1e3),
+        };
+        let (offset, sigma) = (scale * found.offset, scale * found.sigma);
+        Self { name: found.joint.name.clone(), unit, offset, sigma }
+    }
 }
 
 #[derive(Debug, Serialize)]
@@ -137,6 +162,10 @@ impl BodySummary {
             probe,
             standoff_mm: found.standoff.map(|[standoff, _]| 1e3 * standoff),
             standoff_sigma_mm: found.standoff.map(|[_, sigma]| 1e3 * sigma),
+            joints: found.joints.iter().map(JointRow::new).collect(),
+            delay_ms: found.delay.map(|delay| 1e3 * delay.seconds),
+            delay_sigma_ms: found.delay.map(|delay| 1e3 * delay.sigma),
+            delay_removed_ms: found.delay.map_or(0.0, |delay| 1e3 * delay.removed),
             bodies: found.bodies.iter().map(BodyRow::new).collect(),
             exchanged: found.misassembled.exchanged.iter().map(|pair| pair.map(name)).collect(),
             turned: turned.map(|t| TurnedRow { module: name(t.module), degrees: t.degrees }).collect(),
@@ -225,6 +254,13 @@ pub(super) fn print_bodies(found: &BodyCalibration) -> anyhow::Result<()> {
     }
     if let Some([standoff, sigma]) = found.standoff {
         print(&format!("standoff: {:.1} +- {:.1} mm\n", 1e3 * standoff, 1e3 * sigma))?;
+    }
+    for JointRow { name, unit, offset, sigma } in found.joints.iter().map(JointRow::new) {
+        print(&format!("offset of the joint {}: {offset:.2} +- {sigma:.2} {unit}\n", plain(&name)))?;
+    }
+    if let Some(delay) = found.delay.filter(|delay| delay.removed != 0.0) {
+        let [ms, sigma] = [delay.seconds, delay.sigma].map(|seconds| 1e3 * seconds);
+        print(&format!("the readings are {ms:.0} +- {sigma:.0} ms late, or joints have play: taken off\n"))?;
     }
     let (noise, times) = (1e3 * found.noise, found.noise_over_stated);
     print(&format!("noise: {noise:.2} mm per axis, {times:.2} times the stated one\n"))?;

@@ -50,6 +50,11 @@ pub(crate) struct CadArgs {
     #[arg(long = "fit-standoff", value_name = "MM", num_args = 0..=1, require_equals = true,
           default_missing_value = "10", value_parser = side_mm, requires = "cad")]
     standoff: Option<f64>,
+    /// Fit constant offsets of the joints from their values, of this standard deviation: degrees where they turn, mm where
+    /// they slide. `touches --fit-joints` writes how each touch moves with them
+    #[arg(long = "fit-joints", value_name = "DEG", num_args = 0..=1, require_equals = true,
+          default_missing_value = "1", value_parser = turn, requires = "cad")]
+    joints: Option<f64>,
     /// Fit modules that look exchanged or turned as they are drawn
     #[arg(long, requires = "cad")]
     as_drawn: bool,
@@ -85,6 +90,7 @@ impl CadArgs {
             level: self.level,
             probe: self.probe,
             standoff: self.standoff,
+            joints: self.joints.map(|number| Tolerance::mm_deg(number, number)),
             misassembly: if self.as_drawn { Misassembly::Reported } else { Misassembly::Corrected },
             folds: Some(Folds { count: self.folds, seed: self.seed }),
         }

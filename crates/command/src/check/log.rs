@@ -14,11 +14,18 @@ use crate::console::print::{line, print, print_json};
 use crate::options::{Common, InPath};
 
 /// Judges a log that is complete by itself; exit code 1 if no skin follows from it.
-pub(super) fn run(file: &InPath, as_json: bool, common: &Common) -> anyhow::Result<ExitCode> {
+pub(super) fn run(
+    file: &InPath,
+    link: Option<&str>,
+    as_json: bool,
+    common: &Common,
+) -> anyhow::Result<ExitCode> {
     let (rows, unused) = read_touches(file).map_err(Error::from)?;
     note_columns(file, &unused, common);
     let about = || format!("the log in {} cannot be judged", file.display());
-    let made = log_of_rows(&rows, &RowSources::default()).map_err(Error::from).with_context(about)?;
+    let made = log_of_rows(&rows, &RowSources { link, ..RowSources::default() })
+        .map_err(Error::from)
+        .with_context(about)?;
     made.remarks().iter().for_each(|remark| note!(common, "{remark}"));
     let report = examine_log(&made.log).map_err(Error::from).with_context(about)?;
     let severity = |finding: &LogFinding| if finding.is_error { "error" } else { "warning" };

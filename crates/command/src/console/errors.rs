@@ -208,6 +208,9 @@ fn option_help(error: &Error) -> &'static str {
                 "write the inverse of the covariance, upper triangle row by row: x y z, then rotations; or take the \
                  nearest matrices with --clip-information"
             }
+            CalibError::NoJointColumns { .. } => {
+                "write the contacts with `touches --fit-joints`, or leave out --fit-joints"
+            }
             CalibError::NoTriangulation { .. } => {
                 "give the triangles with --triangles FILE.csv, or write .csv or .g2o"
             }
@@ -279,6 +282,12 @@ fn option_help(error: &Error) -> &'static str {
             TouchesError::OffClock { .. } => "give log, poses and readings the times of one clock, in s",
             TouchesError::SeveralLinks { .. } | TouchesError::NoLink { .. } => {
                 "name the link of the skin with --link"
+            }
+            TouchesError::NoRobotLink { .. } | TouchesError::NoMovingJoint { .. } => {
+                "name the links of the log as the robot of --pose does, or leave out --fit-joints"
+            }
+            TouchesError::NoJointValues { .. } => {
+                "add a column for the joint to --joints, or leave out --fit-joints"
             }
             TouchesError::NoReadings { .. } | TouchesError::TwoReadings { .. } => {
                 "give the column `taxels`, or a recording with --readings"

@@ -27,7 +27,7 @@ pub(crate) use paths::{
 };
 pub(crate) use read::{ReadArgs, Spacing, Unit};
 pub(crate) use regions::{RegionSource, RegionsArgs};
-pub(crate) use robot::{JointsArg, RobotArgs, joints};
+pub(crate) use robot::{JointValues, JointsArg, RobotArgs, joints};
 pub(crate) use values::{
     Choice, LevelArg, PROBES, field_level, length, length_mm, length_or_0, level, number, numbers, one_of,
     side_mm, whole, word_of,

@@ -8,6 +8,7 @@ use dermatome::io::{Packages, RobotSurface, is_robot, read_joint_values, read_ro
 use dermatome::remesh::drop_crumbs;
 use dermatome::robot::{JointKind, Robot, Role};
 use dermatome::skin::{Draft, Link, LinkId, Motion, Skin};
+use dermatome::touches::JointColumns;
 use glob::Pattern;
 
 use crate::console::errors::advise;
@@ -172,7 +173,7 @@ fn share(text: &str) -> Result<f64, String> {
     share.ok_or_else(|| "needed: a share from 0 to 1, or from 0% to 100%".into())
 }
 
-/// The values of the joints of a robot.
+/// The values of the joints of a robot, as an argument gives them.
 #[derive(Debug, Clone)]
 pub(crate) enum JointsArg {
     /// A table.
@@ -203,21 +204,21 @@ impl JointsArg {
         common: &Common,
     ) -> anyhow::Result<Motion> {
         let robot = read_robot(path).map_err(Error::from)?;
-        let rest = || Ok(vec![(0.0, robot.joint_values(&[]))]);
-        let rows = joints.map_or_else(rest, |joints| joints.rows(&robot, common))?;
-        Ok(robot.motion(&rows, links).map_err(Error::from)?)
+        let rest = || Ok(JointValues { rows: vec![(0.0, robot.joint_values(&[]))], given: Vec::new() });
+        let values = joints.map_or_else(rest, |joints| joints.values(&robot, common))?;
+        Ok(robot.motion(&values.rows, links).map_err(Error::from)?)
     }
 
-    /// The values of all joints, at the times there are; prints what is beyond the limits or not used.
+    /// The values of all joints, at the times there are; prints what is beyond the limits, in an unlikely unit or not used.
     ///
     /// # Errors
     /// As [`read_joint_values`]; also if no joint has a name that is given, or it has no value of its own.
-    pub(crate) fn rows(&self, robot: &Robot, common: &Common) -> anyhow::Result<Vec<(f64, Vec<f64>)>> {
-        let rows = match self {
+    pub(crate) fn values(&self, robot: &Robot, common: &Common) -> anyhow::Result<JointValues> {
+        let values = match self {
             Self::File(path) => {
                 let table = read_joint_values(path, robot).map_err(Error::from)?;
                 note_columns(path, &table.unused, common);
-                table.rows
+                JointValues { rows: table.rows, given: table.given }
             }
             Self::Values(pairs) => {
                 let place = |(name, value): &(String, f64)| {
@@ -228,10 +229,12 @@ impl JointsArg {
                     let what = || format!("the robot has no joint {name:?} with a value of its own");
                     place.map(|place| (place, *value)).ok_or_else(|| advise(what(), help))
                 };
-                vec![(0.0, robot.joint_values(&pairs.iter().map(place).collect::<anyhow::Result<Vec<_>>>()?))]
+                let pairs = pairs.iter().map(place).collect::<anyhow::Result<Vec<_>>>()?;
+                let given = pairs.iter().map(|&(joint, _)| joint).collect();
+                JointValues { rows: vec![(0.0, robot.joint_values(&pairs))], given }
             }
         };
-        let beyond = rows.iter().flat_map(|(_, values)| robot.beyond_limits(values));
+        let beyond = values.rows.iter().flat_map(|(_, values)| robot.beyond_limits(values));
         let mut names: Vec<String> = beyond.map(|(joint, _)| joint.name.clone()).collect();
         names.sort();
         names.dedup();
@@ -242,8 +245,25 @@ impl JointsArg {
                 first_names(&names)
             );
         }
-        Ok(rows)
+        let unlikely = JointColumns::new(robot, &values.rows).unlikely();
+        let names: Vec<String> = unlikely.into_iter().map(|joint| joint.name).collect();
+        if !names.is_empty() {
+            note!(
+                common,
+                "beyond 360 degrees or 10 m, as other units would be, of the joints {}: the values are taken in rad and m",
+                first_names(&names)
+            );
+        }
+        Ok(values)
     }
+}
+
+/// The values of the joints of a robot.
+pub(crate) struct JointValues {
+    /// Those of all joints, at some times (s).
+    pub(crate) rows: Vec<(f64, Vec<f64>)>,
+    /// The joints of which values are given; the others are at 0, or follow another.
+    pub(crate) given: Vec<usize>,
 }
 
 fn package(text: &str) -> Result<(String, PathBuf), String> {

@@ -1,9 +1,15 @@
 //! `simulate --arm`: the log of an arm that rolls its skin over a fixed sphere.
 
+use std::io::Write;
+
 use dermatome::Error;
-use dermatome::io::{write_touch_log, write_triangles, write_truth};
+use dermatome::io::{
+    IoError, replace_file, write_joint_values, write_touch_log, write_triangles, write_truth,
+};
 use dermatome::skin::TaxelId;
-use dermatome::touches::{ArmOptions, LogFaults, simulate_arm};
+use dermatome::touches::{
+    ARM_DESCRIPTION, ARM_JOINTS, ArmOptions, LogFaults, arm_joint_values, simulate_arm,
+};
 
 use crate::console::notes::note;
 use crate::files::outputs::{self, is_stream};
@@ -40,14 +46,21 @@ pub(super) struct ArmArgs {
     reading_noise_kpa: f64,
     /// With --arm: faults of real logs, as in late-ms=40,ids-percent=5: the clock of the readings is late; touches have
     /// ids of other taxels (ids-percent) or are at wrong places (places-percent); the stated radius of the fixed
-    /// sphere is off (radius-percent)
+    /// sphere is off (radius-percent); the joints of the arm have constant offsets (joints-deg) and play (play-deg)
     #[arg(long, value_name = "NAME=VALUE,...", requires = "arm", value_parser = faults)]
     fault: Option<LogFaults>,
+    /// With --arm: file for the values of its joints, .csv
+    #[arg(long, value_name = "OUT.csv", requires = "arm")]
+    joints: Option<OutFile>,
+    /// With --arm: file for its robot description, .urdf
+    #[arg(long, value_name = "OUT.urdf", requires = "arm")]
+    robot: Option<OutFile>,
 }
 
 /// A parser of faults, each at most once.
 fn faults(text: &str) -> Result<LogFaults, String> {
-    const NAMES: [&str; 4] = ["late-ms", "ids-percent", "places-percent", "radius-percent"];
+    const NAMES: [&str; 6] =
+        ["late-ms", "ids-percent", "places-percent", "radius-percent", "joints-deg", "play-deg"];
     let mut values = [None; NAMES.len()];
     for fault in text.split(',') {
         let number = |text: &str| text.parse::<f64>().ok().filter(|value| value.is_finite());
@@ -64,9 +77,10 @@ fn faults(text: &str) -> Result<LogFaults, String> {
             return Err(format!("{} comes twice; needed: each fault once", NAMES[name]));
         }
     }
-    let [late, wrong_ids, wrong_places, radius_off] = values.map(Option::unwrap_or_default);
+    let [late, wrong_ids, wrong_places, radius_off, joints, play] = values.map(Option::unwrap_or_default);
     let [wrong_ids, wrong_places, radius_off] = [wrong_ids, wrong_places, radius_off].map(|x| x / 100.0);
-    Ok(LogFaults { late: late / 1e3, wrong_ids, wrong_places, radius_off, seed: 0 })
+    let (joint_offsets, play) = (joints.to_radians(), play.to_radians());
+    Ok(LogFaults { late: late / 1e3, wrong_ids, wrong_places, radius_off, joint_offsets, play, seed: 0 })
 }
 
 /// The name of the link that carries the skin.
@@ -96,6 +110,17 @@ impl ArmArgs {
         let faulty = faults.apply(&simulation.log).map_err(Error::from)?;
         let file = |path| common.outputs.file(path);
         write_touch_log(file(shared.output), LINK, &faulty.log).map_err(Error::from)?;
+        if let Some(path) = &self.joints {
+            let values = arm_joint_values(&faulty.log).map_err(Error::from)?;
+            let times = faulty.log.frames.iter().map(|frame| frame.time.unwrap_or_default());
+            let rows = times.zip(values.iter().map(|values| &values[..]));
+            write_joint_values(file(path), &ARM_JOINTS, rows).map_err(Error::from)?;
+        }
+        if let Some(path) = &self.robot {
+            let failed = |source| IoError::Write { path: path.to_path_buf(), source };
+            replace_file(file(path), |out| out.write_all(ARM_DESCRIPTION.as_bytes()).map_err(failed))
+                .map_err(Error::from)?;
+        }
         let ids = simulation.truth.ids().map(|v| TaxelId(v.raw())).collect();
         if let Some(path) = shared.triangles {
             write_triangles(file(path), &ids, simulation.mesh.triangles.as_slice()).map_err(Error::from)?;
@@ -114,6 +139,12 @@ impl ArmArgs {
                 let numbers: Vec<String> = touches.iter().map(u64::to_string).collect();
                 note!(common, "{what} in the touches {}", numbers.join(", "));
             }
+        }
+        if faults.joint_offsets > 0.0 {
+            let offsets = ARM_JOINTS.iter().zip(faulty.joint_offsets);
+            let offsets: Vec<String> =
+                offsets.map(|(name, q)| format!("{name} {:.3}", q.to_degrees())).collect();
+            note!(common, "the joints are off by {} degrees", offsets.join(", "));
         }
         Ok(())
     }

@@ -83,6 +83,11 @@ pub enum CalibError {
     )]
     NoProbeOrientation { contact: ContactObservationId, id: TaxelId },
     #[error(
+        "row {} of the contacts, of taxel {id}, does not say how the touch moves with each joint (dx:NAME,dy:NAME,dz:NAME), without which offsets of joints cannot be fitted",
+        contact.index() + 1
+    )]
+    NoJointColumns { contact: ContactObservationId, id: TaxelId },
+    #[error(
         "rows {} and {} of the contacts are of one touch, but repeat different contacts",
         first.index() + 1,
         contact.index() + 1

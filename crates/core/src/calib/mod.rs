@@ -59,9 +59,9 @@ pub use align::{Comparison, compare};
 pub(crate) use align::{Correlation, nearest_rotation};
 pub use bodies::{
     BodyCalibration, BodyFit, BodyFollower, BodyLevel, BodyOptions, CadModule, CadSkin, CadTaxel,
-    CalibratedTaxel, Folds, HeldBack, LevelScore, Misassembled, Misassembly, ModuleId, ModuleNames,
-    ModulePose, MotionTest, NamedTaxel, ProbeOffset, Tolerance, TouchId, TurnedModule, fit_bodies,
-    fit_bodies_with,
+    CalibratedTaxel, Folds, HeldBack, JointOffset, LevelScore, Misassembled, Misassembly, ModuleId,
+    ModuleNames, ModulePose, MotionTest, NamedTaxel, ProbeOffset, Tolerance, TouchDelay, TouchId,
+    TurnedModule, fit_bodies, fit_bodies_with,
 };
 pub use calibration::{Calibration, GoodnessOfFit, ObservationDiagnostics};
 pub use error::{CalibError, SheetDefect};
@@ -69,8 +69,8 @@ pub use follow::{FollowedSolve, FollowedTouch, Follower, Innovation};
 pub use observations::information::Information;
 pub use observations::{
     ContactMeasurement, ContactObservation, ContactObservationId, Displacement, DisplacementId,
-    DisplacementMeasurement, Model, ObservationId, Observations, PerObservation, PoseMeasurement,
-    TaxelVariable, TouchRow, TouchingBody,
+    DisplacementMeasurement, JointMotion, Model, ObservationId, Observations, PerObservation,
+    PoseMeasurement, TaxelVariable, TouchJoint, TouchRow, TouchingBody,
 };
 pub use options::{CalibOptions, Initialization, ResidualConvention};
 pub use pose::Pose;

@@ -243,6 +243,7 @@ impl Arm<'_> {
                         body: TouchBody::Sphere { centre: PROBE, radius: options.probe_radius },
                         body_rotation: None,
                         felt,
+                        by_joints: Vec::new(),
                     });
                 }
                 time += options.rate.recip();
@@ -250,7 +251,7 @@ impl Arm<'_> {
             time += PAUSE;
             touch += u64::from(frames.len() > before);
         }
-        Ok(TouchLog { frames, has_readings: true })
+        Ok(TouchLog { frames, has_readings: true, joints: Vec::new() })
     }
 
     /// The directions, from the centre of the sphere, in which the fixed sphere touches, line by line.

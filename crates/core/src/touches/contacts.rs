@@ -5,7 +5,8 @@ use std::collections::BTreeMap;
 use glam::{DMat3, DQuat, DVec3};
 
 use crate::calib::{
-    ContactMeasurement, ContactObservation, Information, Observations, TaxelVariable, TouchRow, TouchingBody,
+    ContactMeasurement, ContactObservation, Information, Observations, TaxelVariable, TouchJoint, TouchRow,
+    TouchingBody,
 };
 use crate::id::VertexId;
 use crate::numeric::symmetric_eigen;
@@ -14,13 +15,13 @@ use crate::touches::delay::LogDelay;
 use crate::touches::estimate::{Estimates, LEAST_SAMPLES};
 use crate::touches::fit::{Estimate, Noise, Residual};
 use crate::touches::gather::{Sample, Samples};
-use crate::touches::log::TouchLog;
+use crate::touches::log::{TouchFrame, TouchLog};
 use crate::touches::options::{ARM_NOISE, TAXEL_RADIUS, TouchesOptions};
 use crate::touches::sides::outwards;
 use crate::touches::spikes::LeftOutReading;
 
 /// What one touch says about one taxel.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct TouchContact {
     /// The taxel.
     pub taxel: TaxelId,
@@ -46,6 +47,12 @@ pub struct TouchContact {
     /// The path of the body in the touch, in the frame of the link: the direction along which its positions differ most, its length
     /// their standard deviation, in m. `None` if the log has no readings.
     pub path: Option<DVec3>,
+    /// The velocity of the body in the frame of the link, in m/s: the mean over the touch, weighted by the readings. `None` if frames have no time,
+    /// or the delay of the readings is given.
+    pub velocity: Option<DVec3>,
+    /// How the body moves, in the frame of the link, with the value of each of [`TouchContacts::joints`]: the mean over the touch;
+    /// empty if the log does not know it.
+    pub by_joints: Vec<DVec3>,
 }
 
 /// Contacts, and how they were found.
@@ -53,6 +60,8 @@ pub struct TouchContact {
 pub struct TouchContacts {
     /// By touch in the order of the log, then by taxel.
     pub contacts: Vec<TouchContact>,
+    /// The joints with which touches move, if the log knows it.
+    pub joints: Vec<TouchJoint>,
     /// Numbers for messages.
     pub summary: TouchesSummary,
 }
@@ -60,7 +69,7 @@ pub struct TouchContacts {
 impl TouchContacts {
     /// What [`calibrate()`](crate::calib::calibrate()) takes: the same as the table of contacts, without times.
     pub fn observations(&self) -> Observations {
-        let mut observations = Observations::default();
+        let mut observations = Observations { joints: self.joints.clone(), ..Observations::default() };
         let mut vertices: BTreeMap<TaxelId, VertexId> =
             self.contacts.iter().map(|contact| (contact.taxel, VertexId::default())).collect();
         for (&id, vertex) in &mut vertices {
@@ -79,6 +88,8 @@ impl TouchContacts {
                 body: contact.body,
                 outward: contact.outward,
                 path: contact.path,
+                velocity: contact.velocity,
+                by_joints: contact.by_joints.clone(),
             });
         }
         observations
@@ -116,6 +127,25 @@ pub struct TouchesSummary {
     pub inside: Vec<usize>,
 }
 
+/// The velocity of the body in the frame of the link in each frame, in m/s, from the frames before and after in its touch; zero where
+/// these are far apart in time. `None` if a frame has no time.
+fn velocities(frames: &[TouchFrame]) -> Option<Vec<DVec3>> {
+    /// In s.
+    const LONGEST: f64 = 0.5;
+    let mut all = Vec::with_capacity(frames.len());
+    for touch in frames.chunk_by(|a, b| a.touch == b.touch) {
+        let at = |frame: &TouchFrame| Some((frame.time?, frame.link.inverse().apply(frame.body.point())));
+        let places = touch.iter().map(at).collect::<Option<Vec<(f64, DVec3)>>>()?;
+        for k in 0..places.len() {
+            let ((start, from), (end, to)) =
+                (places[k.saturating_sub(1)], places[(k + 1).min(places.len() - 1)]);
+            let is_near = end > start && end - start <= LONGEST;
+            all.push(if is_near { (to - from) / (end - start) } else { DVec3::ZERO });
+        }
+    }
+    Some(all)
+}
+
 /// The samples of one taxel in one touch.
 struct Group<'a> {
     taxel: VertexId,
@@ -124,7 +154,7 @@ struct Group<'a> {
 }
 
 /// Sums over the readings of a touch.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Default)]
 struct TouchMean {
     weight: f64,
     centre: DVec3,
@@ -134,6 +164,10 @@ struct TouchMean {
     rotation: Option<DQuat>,
     is_plane: bool,
     outward: DVec3,
+    /// The sum of the velocities; `None` if a frame has no time.
+    velocity: Option<DVec3>,
+    /// Sums of how the body moves with joints.
+    by_joints: Vec<DVec3>,
 }
 
 impl TouchMean {
@@ -228,12 +262,13 @@ impl Rows<'_> {
             spacing: estimates.spacing,
             inside: self.options.rows_inside(log),
         };
-        TouchContacts { contacts, summary }
+        TouchContacts { contacts, joints: log.joints.clone(), summary }
     }
 
     /// Where the body was in each touch.
     fn means(&self) -> Vec<TouchMean> {
         let mut means = vec![TouchMean::default(); self.samples.touches.len()];
+        let velocities = velocities(&self.log.frames);
         for sample in self.samples.of.iter().flatten() {
             let (mean, frame) = (&mut means[sample.touch], &self.log.frames[sample.frame]);
             mean.weight += sample.reading;
@@ -242,7 +277,14 @@ impl Rows<'_> {
                 *column += sample.reading * x * sample.centre;
             }
             mean.radius += sample.reading * sample.radius;
+            mean.velocity = velocities
+                .as_ref()
+                .map(|all| mean.velocity.unwrap_or(DVec3::ZERO) + sample.reading * all[sample.frame]);
             mean.is_plane |= sample.plane.is_some();
+            mean.by_joints.resize(self.log.joints.len(), DVec3::ZERO);
+            for (sum, column) in mean.by_joints.iter_mut().zip(&frame.by_joints) {
+                *sum += sample.reading * *column;
+            }
             if let Some(q) = frame.body_rotation {
                 let turned = (frame.link.rotation.conjugate() * q).normalize();
                 // Opposite quaternions are one rotation.
@@ -275,6 +317,8 @@ impl Rows<'_> {
             body: mean.body(),
             outward: self.log.has_readings.then_some(mean.outward),
             path: self.log.has_readings.then(|| mean.path()),
+            velocity: mean.velocity.filter(|_| self.options.delay.is_none()).map(|sum| sum / mean.weight),
+            by_joints: mean.by_joints.iter().map(|sum| *sum / mean.weight).collect(),
         }
     }
 

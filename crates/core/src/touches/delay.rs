@@ -61,7 +61,7 @@ pub(super) fn without_delay(log: &TouchLog, delay: f64) -> Result<Cow<'_, TouchL
             touch => frames.extend(at_other_times(touch, -delay)?),
         }
     }
-    Ok(Cow::Owned(TouchLog { frames, ..*log }))
+    Ok(Cow::Owned(TouchLog { frames, has_readings: log.has_readings, joints: log.joints.clone() }))
 }
 
 /// Frames with the poses of a time so much later, interpolated within their touch. Those before the first pose of a touch and
@@ -112,5 +112,7 @@ fn between(frame: &TouchFrame, before: &TouchFrame, after: &TouchFrame, share: f
     };
     let rotations = before.body_rotation.zip(after.body_rotation);
     let body_rotation = rotations.map(|(a, b)| a.slerp(b, share).normalize()).or(frame.body_rotation);
-    TouchFrame { link, body, body_rotation, ..frame.clone() }
+    let columns = before.by_joints.iter().zip(&after.by_joints);
+    let by_joints = columns.map(|(a, b)| a.lerp(*b, share)).collect();
+    TouchFrame { link, body, body_rotation, by_joints, ..frame.clone() }
 }

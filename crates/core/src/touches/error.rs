@@ -77,6 +77,18 @@ pub enum TouchesError {
          each taxel in the order of the drawing, or ids"
     )]
     Columns { found: usize, needed: usize },
+    #[error(
+        "line {row}: the link {link:?} is none of the robot whose joints are fitted; needed: the name of one, which carries the skin or the body"
+    )]
+    NoRobotLink { row: usize, link: String },
+    #[error(
+        "no joint moves the link {link:?} against what touches it; needed: a robot with joints between the two"
+    )]
+    NoMovingJoint { link: String },
+    #[error(
+        "the joint {joint:?} moves the link {link:?}, and has no values; needed: the values of every joint between the link and what touches it"
+    )]
+    NoJointValues { joint: String, link: String },
     #[error("line {row}: no taxels; needed: a column `taxels`, or a recording of the readings")]
     NoReadings { row: usize },
 }

@@ -1,6 +1,6 @@
-//! Faults of real logs, applied to a clean one: a late clock, wrong ids, wrong positions, a wrong radius.
+//! Faults of real logs, applied to a clean one: a late clock, wrong ids, wrong positions, a wrong radius, joints with offsets and play.
 //!
-//! Joint offsets and play are not among them: a log has no joints. Each fault draws from a stream of its own, so that
+//! Each fault draws from a stream of its own, so that
 //! one more fault changes nothing that the others do.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -11,6 +11,7 @@ use crate::numeric::Random;
 use crate::skin::TaxelId;
 use crate::touches::TouchesError;
 use crate::touches::delay::at_other_times;
+use crate::touches::elbow_arm::{arm_joint_values, pose_of};
 use crate::touches::log::{TouchBody, TouchFrame, TouchLog};
 
 /// What is wrong with a log. The default is nothing.
@@ -25,6 +26,11 @@ pub struct LogFaults {
     pub wrong_places: f64,
     /// By how much the stated radius of the sphere is off, over the radius.
     pub radius_off: f64,
+    /// Standard deviation of constant offsets of the joints of the simulated arm, in rad: what the log believes is off by one normal number
+    /// for each joint.
+    pub joint_offsets: f64,
+    /// Play of these joints, in rad: what the log believes is half of it behind in the direction in which the joint turns.
+    pub play: f64,
     /// Seed of all random numbers.
     pub seed: u64,
 }
@@ -38,6 +44,8 @@ pub struct FaultyLog {
     pub wrong_ids: BTreeSet<u64>,
     /// The touches at wrong positions.
     pub wrong_places: BTreeSet<u64>,
+    /// The offsets of the joints, in rad: what the log believes less what is true.
+    pub joint_offsets: [f64; 6],
 }
 
 /// The standard deviation of a wrong position, per axis, in m.
@@ -47,6 +55,7 @@ const WRONG_PLACE: f64 = 12e-3;
 mod stream {
     pub(crate) const IDS: u64 = 4;
     pub(crate) const PLACES: u64 = 5;
+    pub(crate) const JOINTS: u64 = 6;
 }
 
 impl LogFaults {
@@ -67,8 +76,8 @@ impl LogFaults {
     /// ```
     ///
     /// # Errors
-    /// If a number is out of its range: 1 s, a share from 0 to 1, a radius from half to twice the true one; if the clock is
-    /// late and a frame has no time, or no touch is as long as the clock is late.
+    /// If a number is out of its range: 1 s, a share from 0 to 1, a radius from half to twice the true one, 0.1 rad; if joints are off and the
+    /// simulated arm does not reach a pose; if the clock is late and a frame has no time, or no touch is as long as the clock is late.
     pub fn apply(&self, log: &TouchLog) -> Result<FaultyLog, TouchesError> {
         self.validate()?;
         let mut log = log.clone();
@@ -85,10 +94,15 @@ impl LogFaults {
                 }
             }
         }
+        let mut joints = Random::new(self.seed, stream::JOINTS);
+        let joint_offsets = std::array::from_fn(|_| self.joint_offsets * joints.normal());
+        if self.joint_offsets != 0.0 || self.play != 0.0 {
+            move_joints(&mut log, &joint_offsets, self.play)?;
+        }
         if self.late != 0.0 {
             log.frames = late_frames(&log.frames, self.late)?;
         }
-        Ok(FaultyLog { log, wrong_ids, wrong_places })
+        Ok(FaultyLog { log, wrong_ids, wrong_places, joint_offsets })
     }
 
     fn validate(&self) -> Result<(), TouchesError> {
@@ -97,6 +111,8 @@ impl LogFaults {
             ("the share of touches with wrong ids", [0.0, 1.0], self.wrong_ids),
             ("the share of touches at wrong positions", [0.0, 1.0], self.wrong_places),
             ("the error of the radius, over the radius,", [-0.5, 1.0], self.radius_off),
+            ("the offsets of joints in rad", [0.0, 0.1], self.joint_offsets),
+            ("the play of joints in rad", [0.0, 0.1], self.play),
         ] {
             if !(range[0]..=range[1]).contains(&found) {
                 return Err(TouchesError::BadOption { option, found, range });
@@ -148,6 +164,29 @@ fn move_places(log: &mut TouchLog, touches: &BTreeSet<u64>, random: &mut Random)
             touch.iter_mut().for_each(|frame| frame.link.position += off);
         }
     }
+}
+
+/// How many frames before and after one say in which direction its joints turn.
+const AROUND: usize = 5;
+
+/// Moves the poses of the link to where the simulated arm believes it, with offsets and play of its joints.
+fn move_joints(log: &mut TouchLog, offsets: &[f64; 6], play: f64) -> Result<(), TouchesError> {
+    let values = arm_joint_values(log)?;
+    let mut first = 0;
+    for touch in log.frames.chunk_by_mut(|a, b| a.touch == b.touch) {
+        let (own, last) = (&values[first..][..touch.len()], touch.len() - 1);
+        for (k, frame) in touch.iter_mut().enumerate() {
+            let [before, after] = [k.saturating_sub(AROUND), (k + AROUND).min(last)];
+            let believed = std::array::from_fn(|joint| {
+                let turned = own[after][joint] - own[before][joint];
+                let behind = if turned == 0.0 { 0.0 } else { 0.5 * play * turned.signum() };
+                own[k][joint] + offsets[joint] - behind
+            });
+            frame.link = pose_of(&believed);
+        }
+        first += touch.len();
+    }
+    Ok(())
 }
 
 /// The frames of a log whose readings are late: the readings of each frame next to the pose of the link that much later.
@@ -233,6 +272,30 @@ mod tests {
         let squares = moved.values().map(|off| off.length_squared()).sum::<f64>();
         let sigma = (squares / (3.0 * moved.len() as f64)).sqrt();
         assert!((0.006..0.024).contains(&sigma), "{sigma} m");
+    }
+
+    /// Offsets of joints turn each of them by one number in all frames; play by half of it, against the way it turns.
+    #[test]
+    fn joints_are_off_by_constant_offsets_and_play() {
+        let log = clean();
+        let before = arm_joint_values(&log).unwrap();
+        let found = LogFaults { joint_offsets: 7e-3, seed: 3, ..LogFaults::default() }.apply(&log).unwrap();
+        assert!(found.joint_offsets.iter().all(|offset| *offset != 0.0));
+        let off = |found: &FaultyLog| {
+            let after = arm_joint_values(&found.log).unwrap();
+            let less = |k: usize, joint: usize| {
+                let turn: f64 = after[k][joint] - before[k][joint];
+                libm::remainder(turn, std::f64::consts::TAU)
+            };
+            (0..after.len()).map(|k| std::array::from_fn(|joint| less(k, joint))).collect::<Vec<[f64; 6]>>()
+        };
+        for q in off(&found) {
+            assert!(q.iter().zip(found.joint_offsets).all(|(a, b)| (a - b).abs() < 1e-9), "{q:?}");
+        }
+        let found = LogFaults { play: 4e-3, ..LogFaults::default() }.apply(&log).unwrap();
+        let turned = off(&found);
+        assert!(turned.iter().flatten().all(|q| (q.abs() - 2e-3).abs() < 1e-9), "half the play");
+        assert!([-1.0, 1.0].iter().all(|sign| turned.iter().flatten().any(|q| q * sign > 0.0)));
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use glam::{DQuat, DVec3};
 
-use crate::calib::Pose;
+use crate::calib::{Pose, TouchJoint};
 use crate::mesh::is_within_reach;
 use crate::skin::TaxelId;
 use crate::touches::TouchesError;
@@ -14,6 +14,8 @@ pub struct TouchLog {
     pub frames: Vec<TouchFrame>,
     /// Whether taxels have readings. Without, all active taxels of a frame count alike.
     pub has_readings: bool,
+    /// The joints that move the body against the link, if it is known how ([`TouchFrame::by_joints`]).
+    pub joints: Vec<TouchJoint>,
 }
 
 /// One frame of a log. Positions and orientations are in one frame for the link and the body, such as the world or
@@ -38,6 +40,9 @@ pub struct TouchFrame {
     /// The active taxels and their readings, which are positive: forces on discs of one size, or numbers
     /// that are proportional to it.
     pub felt: Vec<(TaxelId, f64)>,
+    /// How the body moves, in the frame of the link, with the value of each of [`TouchLog::joints`], in m per rad, or without a unit
+    /// where the joint slides; empty if it is not known.
+    pub by_joints: Vec<DVec3>,
 }
 
 /// A body that touches a skin.
@@ -89,6 +94,19 @@ impl TouchLog {
         let mut last: Option<&TouchFrame> = None;
         for frame in &self.frames {
             frame.validate()?;
+            let invalid = |needed| {
+                Err(TouchesError::InvalidFrame {
+                    row: frame.row,
+                    what: "how the body moves with joints",
+                    needed,
+                })
+            };
+            if ![0, self.joints.len()].contains(&frame.by_joints.len()) {
+                return invalid("a vector for each joint of the log, or none");
+            }
+            if frame.by_joints.iter().any(|column| !is_within_reach(*column)) {
+                return invalid("vectors within 1e12 m");
+            }
             let row = frame.row;
             match last {
                 Some(before) if before.touch == frame.touch => {

@@ -39,12 +39,15 @@ mod bundle;
 mod contacts;
 mod delay;
 mod drawing;
+mod elbow_arm;
 mod error;
 mod estimate;
 mod examine;
 mod faults;
 mod fit;
 mod gather;
+#[cfg(feature = "robots")]
+mod joints;
 mod log;
 mod options;
 mod profile;
@@ -58,12 +61,18 @@ pub use arm::{ArmOptions, ArmSimulation, simulate_arm, simulate_arm_with};
 pub use contacts::{TouchContact, TouchContacts, TouchesSummary};
 pub use delay::LogDelay;
 pub use drawing::Drawing;
+pub use elbow_arm::{ARM_DESCRIPTION, ARM_JOINTS, arm_joint_values};
 pub use error::TouchesError;
 pub use examine::{LogFinding, LogFindingKind, LogReport, examine_log};
 pub use faults::{FaultyLog, LogFaults};
+#[cfg(feature = "robots")]
+pub use joints::JointColumns;
 pub use log::{TouchBody, TouchFrame, TouchLog};
 pub use options::TouchesOptions;
-pub use rows::{LogOfRows, PoseAt, RowSources, TouchReadings, TouchRow, log_of_rows, pose_in_motion};
+pub use rows::{
+    ByJointsAt, JointSource, LogOfRows, PoseAt, RowSources, TouchReadings, TouchRow, log_of_rows,
+    pose_in_motion,
+};
 pub use spikes::LeftOutReading;
 
 use std::borrow::Cow;

@@ -2,7 +2,7 @@
 
 use glam::{DQuat, DVec3};
 
-use crate::calib::Pose;
+use crate::calib::{Pose, TouchJoint};
 use crate::id::IdVec;
 use crate::signal::{Channel, Quantity};
 use crate::skin::{Link, LinkId, Motion, TaxelId};
@@ -50,6 +50,22 @@ pub struct TouchReadings {
 /// The pose of a link of this name at a time (s), if there is one.
 pub type PoseAt<'a> = dyn Fn(&str, f64) -> Option<Pose> + 'a;
 
+/// The derivative of a point (m) in the frame of a link of this name, on another link or in the world, by the value of each joint, at
+/// a time (s); `None`: no such link.
+pub type ByJointsAt<'a> = dyn Fn(f64, &str, Option<&str>, DVec3) -> Option<Vec<DVec3>> + 'a;
+
+/// How bodies move with the joints of a robot.
+pub struct JointSource<'a> {
+    /// The joints.
+    pub joints: Vec<TouchJoint>,
+    /// Whether there are values of each.
+    pub given: Vec<bool>,
+    /// How a body moves with each of them.
+    pub by_joints: &'a ByJointsAt<'a>,
+    /// The first and the last time of the values, in s, where they change.
+    pub times: Option<[f64; 2]>,
+}
+
 /// Where the poses and readings of rows without their own come from.
 #[derive(Default)]
 pub struct RowSources<'a> {
@@ -63,6 +79,8 @@ pub struct RowSources<'a> {
     pub radius: Option<f64>,
     /// Which link is used; `None`: the only one.
     pub link: Option<&'a str>,
+    /// How bodies move with joints; the log has the joints that move them.
+    pub joints: Option<&'a JointSource<'a>>,
 }
 
 /// A log of rows, and how many rows were not used.
@@ -115,6 +133,7 @@ pub fn log_of_rows(rows: &[TouchRow], sources: &RowSources<'_>) -> Result<LogOfR
         was_silent = false;
         let pose = pose_of(row, &row.link, row.pose, sources)?;
         let (body, body_rotation) = body_of(row, sources)?;
+        let by_joints = sources.joints.map(|joints| by_joints(row, &pose, &body, joints)).transpose()?;
         made.log.frames.push(TouchFrame {
             row: row.row,
             time: row.time,
@@ -124,12 +143,57 @@ pub fn log_of_rows(rows: &[TouchRow], sources: &RowSources<'_>) -> Result<LogOfR
             body,
             body_rotation,
             felt,
+            by_joints: by_joints.unwrap_or_default(),
         });
+    }
+    if let Some(joints) = sources.joints {
+        keep_moving_joints(&mut made.log, joints, link)?;
     }
     if made.log.frames.is_empty() {
         return Err(TouchesError::NothingFelt { frames: rows.len() });
     }
     Ok(made)
+}
+
+/// How the body of a row moves, in the frame of its link, with all joints.
+fn by_joints(
+    row: &TouchRow,
+    link: &Pose,
+    body: &TouchBody,
+    joints: &JointSource<'_>,
+) -> Result<Vec<DVec3>, TouchesError> {
+    let time = match (row.time, joints.times) {
+        (time, None) => time.unwrap_or(0.0),
+        (Some(time), Some([first, last])) if (first..=last).contains(&time) => time,
+        (found, Some(span)) => {
+            let what = "values of the joints";
+            return Err(TouchesError::OffClock { row: row.row, found, what, span });
+        }
+    };
+    let point = link.inverse().apply(body.point());
+    (joints.by_joints)(time, &row.link, row.body_link.as_deref(), point).ok_or_else(|| {
+        let other =
+            row.body_link.clone().filter(|_| (joints.by_joints)(time, &row.link, None, point).is_some());
+        TouchesError::NoRobotLink { row: row.row, link: other.unwrap_or_else(|| row.link.clone()) }
+    })
+}
+
+/// Keeps the joints that move the body of a frame against the link.
+fn keep_moving_joints(log: &mut TouchLog, joints: &JointSource<'_>, link: &str) -> Result<(), TouchesError> {
+    let moves = |k: usize| log.frames.iter().any(|frame| frame.by_joints[k] != DVec3::ZERO);
+    let moving: Vec<usize> = (0..joints.joints.len()).filter(|&k| moves(k)).collect();
+    if moving.is_empty() {
+        return Err(TouchesError::NoMovingJoint { link: link.to_owned() });
+    }
+    if let Some(&k) = moving.iter().find(|&&k| !joints.given[k]) {
+        let (joint, link) = (joints.joints[k].name.clone(), link.to_owned());
+        return Err(TouchesError::NoJointValues { joint, link });
+    }
+    log.joints = moving.iter().map(|&k| joints.joints[k].clone()).collect();
+    for frame in &mut log.frames {
+        frame.by_joints = moving.iter().map(|&k| frame.by_joints[k]).collect();
+    }
+    Ok(())
 }
 
 /// The pose of a link in a motion of links at a time (s), in the world; `None` if there is none of this name, or several, or it

@@ -7,7 +7,7 @@ may be anything that numpy takes for an array, arrays out are new and in C order
 
 from typing import TYPE_CHECKING, Any
 
-from dermatome._bodies import Body, BodyCalibration, HeldBack, LevelScore, ProbeOffset
+from dermatome._bodies import Body, BodyCalibration, HeldBack, JointOffset, LevelScore, ProbeOffset
 from dermatome._calibrate import calibrate
 from dermatome._dermatome import (
     Calibration,
@@ -69,6 +69,7 @@ __all__ = [
     "HeldBack",
     "Hits",
     "Index",
+    "JointOffset",
     "Layout",
     "Level",
     "LevelScore",

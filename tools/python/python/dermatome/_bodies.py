@@ -80,6 +80,30 @@ class ProbeOffset:
 
 
 @dataclass(frozen=True, repr=False)
+class JointOffset:
+    """The offset of a joint from its values.
+
+    Attributes
+    ----------
+    name : str
+        The joint.
+    slides : bool
+        Whether it slides; else it turns.
+    offset, sigma : float
+        What is to be added to its values, and its standard deviation, in rad, or in m if it slides.
+    """
+
+    name: str
+    slides: bool
+    offset: float
+    sigma: float
+
+    def __repr__(self) -> str:
+        scale, unit = (1e3, "mm") if self.slides else (math.degrees(1.0), "degrees")
+        return f"<dermatome.JointOffset: {self.name}, {scale * self.offset:.2f} +- {scale * self.sigma:.2f} {unit}>"
+
+
+@dataclass(frozen=True, repr=False)
 class LevelScore:
     """How well contacts that were held back are predicted if bodies move down to a level.
 
@@ -159,6 +183,12 @@ class BodyCalibration:
         The offset of the probe, if it is fitted.
     standoff, standoff_sigma : float or None
         Distance of touches from taxels along their normals, and its standard deviation, in m, if it is fitted.
+    joints : tuple of JointOffset
+        The offsets of the joints, if they are fitted.
+    delay, delay_sigma : float or None
+        How late the readings are next to the poses, and its standard deviation, in s; None without velocities of the contacts.
+    delay_removed : float
+        What of it was taken off, in s: all beyond five standard deviations.
     bodies : tuple of Body
         The mount, then the patches, then the modules.
     exchanged : tuple of (str, str)
@@ -195,6 +225,10 @@ class BodyCalibration:
     probe: ProbeOffset | None
     standoff: float | None
     standoff_sigma: float | None
+    joints: tuple[JointOffset, ...]
+    delay: float | None
+    delay_sigma: float | None
+    delay_removed: float
     bodies: tuple[Body, ...]
     exchanged: tuple[tuple[str, str], ...]
     turned: tuple[tuple[str, float], ...]
@@ -241,6 +275,7 @@ def bodies_of(found: dict[str, Any]) -> BodyCalibration:
         "modules": tuple(found["modules"]),
         "patches": tuple(found["patches"]),
         "probe": None if found["probe"] is None else ProbeOffset(*found["probe"]),
+        "joints": tuple(JointOffset(*joint) for joint in found["joints"]),
         "bodies": tuple(Body(**body) for body in found["bodies"]),
         "exchanged": tuple(tuple(pair) for pair in found["exchanged"]),
         "turned": tuple(tuple(pair) for pair in found["turned"]),
@@ -256,5 +291,5 @@ def bodies_of(found: dict[str, Any]) -> BodyCalibration:
     return BodyCalibration(**made)
 
 
-for _each in (Body, ProbeOffset, LevelScore, HeldBack, BodyCalibration):
+for _each in (Body, ProbeOffset, JointOffset, LevelScore, HeldBack, BodyCalibration):
     _each.__module__ = "dermatome"

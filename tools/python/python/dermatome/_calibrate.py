@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Literal, overload
@@ -31,12 +32,13 @@ OF_BODIES: dict[str, Any] = {
     "module_angle": None,
     "fit_probe": False,
     "fit_standoff": False,
+    "fit_joints": False,
     "as_drawn": False,
     "folds": 5,
     "seed": 0,
 }
-# Standard deviations of an offset of the probe and of a standoff, in m, as those of the command.
-PROBE, STANDOFF = 0.02, 0.01
+# Standard deviations of an offset of the probe and of a standoff, in m, and of offsets of joints, in rad, as those of the command.
+PROBE, STANDOFF, JOINTS = 0.02, 0.01, math.radians(1.0)
 
 
 @overload
@@ -66,6 +68,7 @@ def calibrate(
     module_angle: float | None = None,
     fit_probe: bool | float = False,
     fit_standoff: bool | float = False,
+    fit_joints: bool | float = False,
     as_drawn: bool = False,
     folds: int = 5,
     seed: int = 0,
@@ -90,6 +93,7 @@ def calibrate(
     module_angle: float | None = None,
     fit_probe: bool | float = False,
     fit_standoff: bool | float = False,
+    fit_joints: bool | float = False,
     as_drawn: bool = False,
     folds: int = 5,
     seed: int = 0,
@@ -126,6 +130,9 @@ def calibrate(
         Fit a constant offset of the probe in its own frame, of this standard deviation, in m; True is 0.02.
     fit_standoff : bool or float
         Fit a constant distance between taxels and touches along the normals; True is 0.01.
+    fit_joints : bool or float
+        Fit constant offsets of the joints from their values, of this standard deviation, in rad, True is one degree; of those that slide
+        1 mm for each degree. `touches(fit_joints=True)` says how each touch moves with them.
     as_drawn : bool
         Fit modules that look exchanged or turned as they are drawn.
     folds : int
@@ -200,7 +207,7 @@ def options_of_bodies(given: dict[str, Any]) -> tuple[Any, dict[str, Any]]:
     modules = options.pop("modules")
     if is_mapping(modules):
         modules = {whole_of("modules", taxel, "ids of taxels"): str(module) for taxel, module in modules.items()}
-    for name, known in (("fit_probe", PROBE), ("fit_standoff", STANDOFF)):
+    for name, known in (("fit_probe", PROBE), ("fit_standoff", STANDOFF), ("fit_joints", JOINTS)):
         value = options[name]
         options[name] = (known if value else None) if isinstance(value, bool) or value is None else value
     return modules, options

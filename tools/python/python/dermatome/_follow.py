@@ -149,6 +149,7 @@ def follow(
     module_angle: float | None = None,
     fit_probe: bool | float = False,
     fit_standoff: bool | float = False,
+    fit_joints: bool | float = False,
     as_drawn: bool = False,
     threads: int = 0,
 ) -> Following:
@@ -167,7 +168,7 @@ def follow(
         Unit of all lengths in lines and columns.
     robust, covariances
         As of `calibrate`.
-    cad, modules, level, mount, mount_angle, patch, patch_angle, module, module_angle, fit_probe, fit_standoff, as_drawn
+    cad, modules, level, mount, mount_angle, patch, patch_angle, module, module_angle, fit_probe, fit_standoff, fit_joints, as_drawn
         As of `calibrate`.
     threads : int
         0 for one per processor.

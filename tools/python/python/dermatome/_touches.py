@@ -25,6 +25,7 @@ def touches(
     threshold: float | None = None,
     pose: str | os.PathLike[str] | None = None,
     joints: Mapping[str, float] | str | os.PathLike[str] | None = None,
+    fit_joints: bool = False,
     link: str | None = None,
     radius: float | None = None,
     taxel_radius: float = 0.002,
@@ -53,6 +54,8 @@ def touches(
         Poses of links: a table, or a robot (.urdf, .xml), with `joints`.
     joints : mapping of str to float, str or os.PathLike, optional
         Values of the joints of the robot, in rad and m: one for each, or a table of them over time; by default 0.
+    fit_joints : bool
+        Whether contacts have how each touch moves with the joints between the skin and what touches it, for `calibrate(fit_joints=True)`.
     link : str, optional
         The link whose skin is touched, if the log has several.
     radius : float, optional
@@ -76,7 +79,7 @@ def touches(
         What `calibrate` takes; `write` writes it to a table, and `remarks` are the notes of the command.
     summary : dict
         How they were found: `frames`, `touches`, `taxels`, `contacts`, `fitted`, `left_out`, `delay`, `delay_sigma`,
-        `delay_removed` (s), `arm_noise` (m), `reading_noise`, `spacing` (m); docs/json.md explains them.
+        `delay_removed` (s), `arm_noise` (m), `reading_noise`, `spacing` (m), `joints`; docs/json.md explains them.
 
     Raises
     ------
@@ -109,6 +112,7 @@ def touches(
         "threshold": threshold,
         "pose": pose,
         "joints": dict(joints) if isinstance(joints, Mapping) else joints,
+        "fit_joints": bool(fit_joints),
         "link": link,
         "radius": radius,
         "taxel_radius": taxel_radius,
@@ -118,6 +122,8 @@ def touches(
         "skip": [whole_of("skip", taxel, "ids of taxels") for taxel in skip],
         "threads": threads,
     }
+    if fit_joints and joints is None:
+        raise DataError("fit_joints: found no joints; needed: pose, a robot, and joints, the values of its joints")
     if threshold is not None and readings is None:
         raise DataError("threshold: found no readings; needed: readings, or a log whose active taxels are known")
     if isinstance(log, (str, os.PathLike)):

@@ -21,6 +21,8 @@ pub(super) struct BodyCovariances {
     pub(super) modules: IdVec<ModuleId, Matrix6>,
     /// Of the offset of the probe, and the variance of the standoff.
     pub(super) probe: (DMat3, f64),
+    /// The variances of the linear unknowns, in blocks of six.
+    pub(super) linear: Vec<f64>,
 }
 
 /// The block of a row among the columns of one block.
@@ -74,7 +76,12 @@ pub(super) fn covariances(
     }
     let probe = system.probe_row().map(|row| columns(row).map(|found| block(&found, row))).transpose()?;
     let probe = probe.map_or((DMat3::ZERO, 0.0), |block| (block.0[0][0], block.entry(3, 3)));
-    Ok(BodyCovariances { bodies, modules, probe })
+    let mut linear = Vec::new();
+    for &row in system.linear_rows() {
+        let found = block(&columns(row)?, row);
+        linear.extend((0..BLOCK).map(|k| found.entry(k, k)));
+    }
+    Ok(BodyCovariances { bodies, modules, probe, linear })
 }
 
 /// How the centre and the rotation of a module change with the motions of the bodies that carry it.

@@ -90,7 +90,7 @@ impl Press {
     /// A press of a depth, over the radius; `None` if the touch is not of a sphere, or its path is not known.
     fn new(touch: &Touch, at: &Placement, depth: f64) -> Option<Self> {
         let path = touch.path.filter(|_| touch.lift > 0.0)?;
-        let (centre, radius) = (touch.position + touch.probe * at.offset, touch.lift / LIFT);
+        let (centre, radius) = (at.body(touch), touch.lift / LIFT);
         Some(Self { centre, path, radius, height: (1.0 - depth) * radius })
     }
 

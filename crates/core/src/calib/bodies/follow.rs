@@ -82,8 +82,7 @@ impl BodyFollower {
         let row = |contact| TouchRow { touch: Some(number), ..touch.touch_of(contact) };
         touch.touches = touch.contacts.ids().map(row).collect();
         touch.validate()?;
-        let needs_orientation = self.options.probe.is_some();
-        Touches::of_rows(&touch, &self.cad, needs_orientation, self.stream.observations.contacts.len())?;
+        Touches::of_rows(&touch, &self.cad, &self.options, self.stream.observations.contacts.len())?;
         let options = &BodyOptions { folds: None, ..self.options };
         let (cad, last) = (&self.cad, &mut self.solution);
         self.stream.add(&touch, None, |stream| {

@@ -5,10 +5,12 @@
 //! `(rustler2021)`. A touch at `p` of a probe with the orientation `R`, felt by taxels `i` of weights `w_i`, has the error
 //!
 //! ```text
-//! e = p + R o - b - sum w_i (x_i + h n_i)
+//! e = p + R o + J q - d v - b - sum w_i (x_i + h n_i)
 //! ```
 //!
-//! with the probe's offset `o` and a standoff `h` along the normals `n_i`, if these are fitted. Where `p` is the centre of a
+//! with the probe's offset `o`, a standoff `h` along the normals `n_i` and the offsets `q` of joints from their values, if these are fitted; `J` is
+//! how the touch moves with the joints, to first order. Where the mean velocity `v` of the body in each touch is known, the delay `d` of the readings is
+//! one unknown more (`delay`). Where `p` is the centre of a
 //! sphere, `h` begins at nine tenths of its radius, along the normals of the fit. `b` is the expected centre of the touch (`expected`): after a fit it
 //! follows from the model of a press there, and all is fitted again, twice; without the path of the sphere it is zero. The fit minimises
 //! `sum w rho(e' C^-1 e)`, `C = a^2 I + f^2 S` with the stated covariance `S` and a scale that is estimated, plus the squared motions over their tolerances: touches move the highest body that
@@ -30,10 +32,11 @@
 //! weights of the solution.
 //!
 //! In reading order: `cad`, `drawing`, `options`, `touches`, `placement`, `system`, `noise`, `solve`, `start`, `covariance`,
-//! `expected`, `misassembly`, `result`, `folds`, `verdict`, `follow`.
+//! `delay`, `expected`, `misassembly`, `result`, `folds`, `verdict`, `follow`.
 
 mod cad;
 mod covariance;
+mod delay;
 mod drawing;
 mod expected;
 mod folds;
@@ -50,12 +53,15 @@ mod touches;
 mod verdict;
 
 pub use cad::{CadModule, CadSkin, CadTaxel, ModuleId, NamedTaxel};
+pub use delay::TouchDelay;
 pub use drawing::ModuleNames;
 pub use folds::{HeldBack, LevelScore};
 pub use follow::BodyFollower;
 pub use misassembly::{Misassembled, TurnedModule};
 pub use options::{BodyLevel, BodyOptions, Folds, Misassembly, Tolerance};
-pub use result::{BodyCalibration, BodyFit, CalibratedTaxel, ModulePose, MotionTest, ProbeOffset};
+pub use result::{
+    BodyCalibration, BodyFit, CalibratedTaxel, JointOffset, ModulePose, MotionTest, ProbeOffset,
+};
 pub use touches::TouchId;
 
 use crate::calib::{CalibError, Observations};
@@ -105,7 +111,7 @@ const EXPECTED_ROUNDS: usize = 2;
 /// # Errors
 /// If the observations or the drawing break a rule ([`Observations::validate`], [`CadSkin::validate`]), a contact is
 /// of a taxel that the drawing does not have, a contact has no position or no orientation of the probe although its
-/// offset is fitted, or an option is out of range.
+/// offset is fitted, a contact does not say how it moves with the joints although their offsets are, or an option is out of range.
 pub fn fit_bodies(
     observations: &Observations,
     cad: &CadSkin,
@@ -127,7 +133,7 @@ pub fn fit_bodies_with(
     observations.validate()?;
     cad.validate()?;
     options.validate()?;
-    let mut touches = Touches::new(observations, cad, options.probe.is_some())?;
+    let mut touches = Touches::new(observations, cad, options)?;
     let options = &BodyOptions { standoff: options.standoff.or(touches.standoff()), ..*options };
     let Assembled { hierarchy, misassembled, mounted } = Assembled::new(options, cad, &touches, run)?;
     let mut solved: Solved = solve(options, options.level, &hierarchy, &touches, mounted.clone(), run)?;
@@ -136,6 +142,7 @@ pub fn fit_bodies_with(
         touches.expect(&hierarchy, &solved.placement);
         solved = solve(options, options.level, &hierarchy, &touches, solved.placement, run)?;
     }
+    let delay = delay::judged(options, options.level, &hierarchy, &mut touches, &mut solved, run)?;
     let is_judged = |folds: &Folds| *folds != Folds::default() || touches.contacts >= 2 * folds.count;
     let folds = options.folds.filter(is_judged);
     let held_back = folds.map(|folds| folds::score(folds, &solved, &hierarchy, &touches, run)).transpose()?;
@@ -169,6 +176,7 @@ pub fn fit_bodies_with(
         touches: &touches,
         solved: &solved,
         prior,
+        delay,
     };
     Ok(fit.result(&covariances, misassembled, held_back))
 }

@@ -1,6 +1,6 @@
 //! What the fit of rigid bodies may move, and by how much.
 
-use crate::calib::CalibError;
+use crate::calib::{CalibError, JointMotion};
 
 /// How far a body may be from where its parent carries it: standard deviations of a prior.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -15,6 +15,14 @@ impl Tolerance {
     /// From mm and degrees.
     pub const fn mm_deg(mm: f64, degrees: f64) -> Self {
         Self { translation: 1e-3 * mm, rotation: degrees.to_radians() }
+    }
+
+    /// That of the value of a joint, in rad or m.
+    pub(super) fn of_joint(self, motion: JointMotion) -> f64 {
+        match motion {
+            JointMotion::Turns => self.rotation,
+            JointMotion::Slides => self.translation,
+        }
     }
 
     /// The larger of two in either.
@@ -85,6 +93,9 @@ pub struct BodyOptions {
     /// Standard deviation, in m, of a constant distance between taxels and touches along the normals; `None`: no
     /// such distance. A shift of the mount has almost the same effect.
     pub standoff: Option<f64>,
+    /// Standard deviations of constant offsets of the joints from their values, in rad where they turn and in m where they slide;
+    /// `None`: the values are exact.
+    pub joints: Option<Tolerance>,
     /// What is done about exchanged and turned modules.
     pub misassembly: Misassembly,
     /// Whether, and how, contacts are held back to choose the level and to judge the fit; `None`: neither, and the last
@@ -103,6 +114,7 @@ impl Default for BodyOptions {
             level: BodyLevel::Module,
             probe: None,
             standoff: None,
+            joints: None,
             misassembly: Misassembly::default(),
             folds: None,
         }
@@ -128,6 +140,8 @@ impl BodyOptions {
             ("the tolerance of a module in rad", Some(self.module.rotation)),
             ("the tolerance of the probe's offset in m", self.probe),
             ("the tolerance of the standoff in m", self.standoff),
+            ("the tolerance of the offset of a joint in m", self.joints.map(|joints| joints.translation)),
+            ("the tolerance of the offset of a joint in rad", self.joints.map(|joints| joints.rotation)),
         ];
         for (option, found) in lengths {
             // Also refuses NaN.

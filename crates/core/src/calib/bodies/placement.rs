@@ -88,6 +88,8 @@ pub(super) struct Placement {
     pub(super) offset: DVec3,
     /// Distance of touches from taxels along their normals, in m.
     pub(super) standoff: f64,
+    /// The linear unknowns: offsets of the joints from their values, in rad or m, and the delay of the readings, in s, if they are fitted.
+    pub(super) linear: Vec<f64>,
 }
 
 /// A taxel as placed.
@@ -114,7 +116,7 @@ impl Placement {
     /// Everything as drawn.
     pub(super) fn drawn(hierarchy: &Hierarchy) -> Self {
         let motions = hierarchy.levels.map(|_| Motion::default());
-        Self { motions, offset: DVec3::ZERO, standoff: 0.0 }
+        Self { motions, offset: DVec3::ZERO, standoff: 0.0, linear: Vec::new() }
     }
 
     pub(super) fn taxel(&self, of: &Hierarchy, taxel: VertexId) -> PlacedTaxel {
@@ -130,12 +132,18 @@ impl Placement {
         PlacedTaxel { position, normal, levers }
     }
 
-    /// `p + R o - b`: where a touch is, less its expected centre.
-    fn seen(&self, touch: &Touch) -> DVec3 {
-        touch.position + touch.probe * self.offset - touch.expected
+    /// `p + R o + J q - d v`: where the body of a touch is.
+    pub(super) fn body(&self, touch: &Touch) -> DVec3 {
+        let moved = touch.columns.iter().zip(&self.linear).map(|(column, x)| *column * *x);
+        touch.position + touch.probe * self.offset + moved.sum::<DVec3>()
     }
 
-    /// `e = p + R o - b - sum w_i (x_i + h n_i)`, `h` the standoff and the lift of the touch; and the mean normal.
+    /// The same, less the expected centre of the touch.
+    fn seen(&self, touch: &Touch) -> DVec3 {
+        self.body(touch) - touch.expected
+    }
+
+    /// `e = p + R o + J q - d v - b - sum w_i (x_i + h n_i)`, `h` the standoff and the lift of the touch; and the mean normal.
     pub(super) fn error(&self, of: &Hierarchy, touch: &Touch) -> (DVec3, DVec3) {
         let (mut error, standoff) = (self.seen(touch), self.standoff + touch.lift);
         let mut normal = DVec3::ZERO;

@@ -6,6 +6,7 @@ use glam::{DMat3, DQuat, DVec3};
 
 use super::cad::{CadSkin, CadTaxel, ModuleId};
 use super::covariance::{BodyCovariances, added, derivatives, of_taxel};
+use super::delay::TouchDelay;
 use super::folds::HeldBack;
 use super::misassembly::Misassembled;
 use super::options::{BodyLevel, BodyOptions, Tolerance};
@@ -13,6 +14,7 @@ use super::placement::{BodyId, Hierarchy, precision};
 use super::solve::Solved;
 use super::system::deviation;
 use super::touches::{Touch, TouchId, Touches};
+use crate::calib::TouchJoint;
 use crate::id::{IdVec, VertexId};
 use crate::numeric::{Covariance, Matrix6, chi_square_tail, median, symmetric_eigen};
 use crate::skin::TaxelId;
@@ -89,6 +91,19 @@ pub struct ProbeOffset {
     pub sigmas: DVec3,
 }
 
+/// The offset of a joint from its values.
+#[derive(Debug, Clone, PartialEq)]
+pub struct JointOffset {
+    /// The joint.
+    pub joint: TouchJoint,
+    /// What is to be added to its values, in rad if it turns and in m if it slides.
+    pub offset: f64,
+    /// Its standard deviation.
+    pub sigma: f64,
+    /// The standard deviation that was given: near it touches do not tell the offset.
+    pub tolerance: f64,
+}
+
 /// Where the bodies of a skin are.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BodyCalibration {
@@ -100,6 +115,10 @@ pub struct BodyCalibration {
     pub probe: Option<ProbeOffset>,
     /// The standoff and its standard deviation, in m, if it is fitted.
     pub standoff: Option<[f64; 2]>,
+    /// The offsets of the joints, if they are fitted.
+    pub joints: Vec<JointOffset>,
+    /// How late the readings are next to the poses, if contacts have velocities.
+    pub delay: Option<TouchDelay>,
     /// Standard deviation of a touch per axis, in m, as it is estimated: the median over the touches.
     pub noise: f64,
     /// The same over what is stated.
@@ -142,6 +161,7 @@ pub(super) struct Fit<'f> {
     pub(super) solved: &'f Solved,
     /// Squared motions over their tolerances.
     pub(super) prior: f64,
+    pub(super) delay: Option<TouchDelay>,
 }
 
 impl Fit<'_> {
@@ -151,7 +171,7 @@ impl Fit<'_> {
         misassembled: Misassembled,
         held_back: Option<HeldBack>,
     ) -> BodyCalibration {
-        let Self { cad, options, hierarchy, touches, solved, prior, .. } = self;
+        let Self { cad, options, hierarchy, touches, solved, prior, delay, .. } = self;
         let contacts = self.contacts_of_bodies();
         let chains = hierarchy.chains.enumerate();
         let is_untouched = |module: &ModuleId| {
@@ -176,6 +196,8 @@ impl Fit<'_> {
                 sigmas: diagonal.map(|variance| variance.max(0.0).sqrt()),
             }),
             standoff: options.standoff.map(|_| [solved.placement.standoff, standoff.max(0.0).sqrt()]),
+            joints: self.joints(covariances),
+            delay: *delay,
             noise: median(sigmas.iter().map(|[found, _]| *found)).unwrap_or(f64::NAN),
             noise_over_stated: median(sigmas.iter().map(|[found, stated]| found / stated))
                 .unwrap_or(f64::NAN),
@@ -192,6 +214,17 @@ impl Fit<'_> {
             converged: solved.converged,
         }
         .named_as(cad)
+    }
+
+    fn joints(&self, covariances: &BodyCovariances) -> Vec<JointOffset> {
+        let offsets = self.solved.placement.linear.iter().zip(&covariances.linear);
+        let all = self.touches.joints.iter().zip(offsets).zip(self.options.joints.iter().cycle());
+        let offset =
+            |((joint, (&offset, variance)), tolerance): ((&TouchJoint, (&f64, &f64)), &Tolerance)| {
+                let (joint, tolerance) = (joint.clone(), tolerance.of_joint(joint.motion));
+                JointOffset { joint, offset, sigma: variance.max(0.0).sqrt(), tolerance }
+            };
+        all.map(offset).collect()
     }
 
     /// The sum over the touches of how their readings fall along the normals, each bounded.

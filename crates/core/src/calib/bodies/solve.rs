@@ -263,9 +263,10 @@ pub(super) fn solve(
     level: BodyLevel,
     hierarchy: &Hierarchy,
     touches: &Touches,
-    from: Placement,
+    mut from: Placement,
     run: Run<'_>,
 ) -> Result<Solved, CalibError> {
+    from.linear.resize(touches.linear(options).len(), 0.0);
     let system = BodySystem::new(options, level, hierarchy, touches)?;
     let mut fit = Fit::new(&system, Noise::START);
     let mut placement = fit.begin(from, STUDENT_STEPS, run)?;

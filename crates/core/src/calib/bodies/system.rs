@@ -24,6 +24,9 @@ pub(super) struct BodySystem<'o> {
     rows: IdVec<BodyId, Option<usize>>,
     /// Block row of the probe's offset and the standoff.
     probe: Option<usize>,
+    /// Standard deviations of the linear unknowns, and their block rows, six each.
+    sigmas: Vec<f64>,
+    linear: Vec<usize>,
     system: BlockSystem,
 }
 
@@ -46,16 +49,18 @@ impl<'o> BodySystem<'o> {
         };
         let rows = hierarchy.levels.map(|of| number(*of <= level));
         let probe = number(options.probe.or(options.standoff).is_some());
+        let sigmas = touches.linear(options);
+        let linear: Vec<usize> = (0..sigmas.len().div_ceil(BLOCK)).filter_map(|_| number(true)).collect();
         let mut pairs = Vec::new();
         for chain in &hierarchy.chains {
-            join(&mut pairs, chain.iter().filter_map(|&body| rows[body]).chain(probe));
+            join(&mut pairs, chain.iter().filter_map(|&body| rows[body]).chain(probe).chain(linear.clone()));
         }
         for touch in touches.all.iter().filter(|touch| touch.taxels.len() > 1) {
             let bodies = touch.taxels.iter().flat_map(|&(v, _)| hierarchy.chain(v));
             join(&mut pairs, bodies.filter_map(|body| rows[body]));
         }
         let system = BlockSystem::new(Pattern::new(count, pairs), BLOCK).map_err(CalibError::Sparse)?;
-        Ok(Self { options, hierarchy, touches, level, rows, probe, system })
+        Ok(Self { options, hierarchy, touches, level, rows, probe, sigmas, linear, system })
     }
 
     pub(super) fn unknowns(&self) -> usize {
@@ -68,6 +73,15 @@ impl<'o> BodySystem<'o> {
 
     pub(super) fn probe_row(&self) -> Option<usize> {
         self.probe
+    }
+
+    pub(super) fn linear_rows(&self) -> &[usize] {
+        &self.linear
+    }
+
+    /// The place of a linear unknown among all.
+    fn unknown(&self, k: usize) -> usize {
+        BLOCK * self.linear[k / BLOCK] + k % BLOCK
     }
 
     /// The Gauss-Newton matrix and the gradient at a placement.
@@ -122,6 +136,11 @@ impl<'o> BodySystem<'o> {
         let rows = linear.bodies.iter().filter_map(|&(body, columns)| Some((self.rows[body]?, columns)));
         let mut blocks: Vec<_> =
             rows.chain(self.probe.map(|row| (row, self.of_probe(linear.probe)))).collect();
+        let known = |k: &usize| *k < self.sigmas.len();
+        let column = |k: usize| Some(k).filter(known).map_or(DVec3::ZERO, |k| touch.columns[k]);
+        for (k, &row) in self.linear.iter().enumerate() {
+            blocks.push((row, std::array::from_fn(|own| column(BLOCK * k + own))));
+        }
         blocks.sort_unstable_by_key(|block| block.0);
         (linear.error, blocks)
     }
@@ -149,6 +168,29 @@ impl<'o> BodySystem<'o> {
         Ok(DMat3::from_cols_array_2d(&std::array::from_fn(|b| std::array::from_fn(|a| entry(a, b)))))
     }
 
+    /// The standard deviation of a linear unknown by the scatter of the touches: each has errors of its own, whatever is stated.
+    pub(super) fn scatter(
+        &self,
+        factor: &BlockFactor<'_>,
+        at: &Placement,
+        weights: &IdVec<TouchId, Weighted>,
+        unknown: usize,
+    ) -> Result<f64, CalibError> {
+        let mut column = vec![0.0; self.unknowns()];
+        column[self.unknown(unknown)] = 1.0;
+        factor.solve(&mut column, 1).map_err(CalibError::Sparse)?;
+        let mut squares = 0.0;
+        for (touch, &(weight, information)) in self.touches.all.iter().zip(weights) {
+            let (error, blocks) = self.linearised(at, touch);
+            let of_block = |(row, columns): &(usize, Columns)| {
+                columns.iter().zip(&column[BLOCK * row..]).map(|(column, x)| *column * *x).sum::<DVec3>()
+            };
+            let along: DVec3 = blocks.iter().map(of_block).sum();
+            squares += (weight * along.dot(information * error)).powi(2);
+        }
+        Ok(squares.sqrt())
+    }
+
     /// The columns of the unknowns that are fitted; zero for others.
     fn of_probe(&self, mut columns: Columns) -> Columns {
         if self.options.probe.is_none() {
@@ -172,7 +214,13 @@ impl<'o> BodySystem<'o> {
         let of_probe = self
             .probe
             .map(|row| (row, [offset, offset, offset, standoff, 1.0, 1.0], [o.x, o.y, o.z, h, 0.0, 0.0]));
-        self.rows.enumerate().filter_map(of_body).chain(of_probe).collect()
+        let of_linear = self.linear.iter().enumerate().map(|(k, &row)| {
+            let own = |j: usize| (self.sigmas.get(BLOCK * k + j), at.linear.get(BLOCK * k + j));
+            let block: [_; BLOCK] = std::array::from_fn(own);
+            let precisions = block.map(|(sigma, _)| precision(sigma.copied()));
+            (row, precisions, block.map(|(_, x)| x.copied().unwrap_or(0.0)))
+        });
+        self.rows.enumerate().filter_map(of_body).chain(of_probe).chain(of_linear).collect()
     }
 
     /// Twice the cost of the priors.
@@ -195,6 +243,10 @@ impl<'o> BodySystem<'o> {
             let step = &step[BLOCK * row..];
             next.offset += DVec3::from_slice(step);
             next.standoff += step[3];
+        }
+        next.linear.resize(self.sigmas.len(), 0.0);
+        for (k, x) in next.linear.iter_mut().enumerate() {
+            *x += step[self.unknown(k)];
         }
         next
     }

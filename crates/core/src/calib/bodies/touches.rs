@@ -7,8 +7,10 @@ use glam::{DMat3, DVec3};
 
 use super::cad::CadSkin;
 use super::noise::Stated;
+use super::options::BodyOptions;
 use crate::calib::{
-    CalibError, ContactMeasurement, ContactObservationId, Model, ObservationId, Observations, TouchRow,
+    CalibError, ContactMeasurement, ContactObservationId, Model, ObservationId, Observations, TouchJoint,
+    TouchRow,
 };
 use crate::id::{IdVec, VertexId, define_id};
 use crate::numeric::median;
@@ -37,6 +39,8 @@ pub(super) struct Touch {
     pub(super) outward: DVec3,
     /// The path of the body; `None` if it is not known.
     pub(super) path: Option<DVec3>,
+    /// How it moves with each linear unknown ([`Touches::linear`]).
+    pub(super) columns: Vec<DVec3>,
     /// The expected centre, at a fit: how far the body is from where its taxels place it, in m.
     pub(super) expected: DVec3,
     /// Number of its contact, dense.
@@ -51,11 +55,18 @@ pub(super) struct Touches {
     pub(super) all: IdVec<TouchId, Touch>,
     /// Number of contacts.
     pub(super) contacts: usize,
+    /// The joints whose offsets are fitted.
+    pub(super) joints: Vec<TouchJoint>,
+    /// Whether the delay of the readings is fitted.
+    pub(super) has_delay: bool,
 }
 
 /// What is stated of the centre of a body next to the mean of the taxels that feel it, in m per axis: taxels are a few
 /// millimetres apart, and the scale is estimated.
 const CENTRE_SIGMA: f64 = 2e-3;
+
+/// How late readings may be next to the poses, in s: the standard deviation of a prior.
+const DELAY_SIGMA: f64 = 0.15;
 
 /// The share of the radius of a sphere at which its centre is above the taxels; the rest is the depth of the press.
 pub(super) const LIFT: f64 = 0.9;
@@ -75,6 +86,8 @@ struct RowSum {
     body: Option<(DVec3, f64)>,
     outward: DVec3,
     path: Option<DVec3>,
+    velocity: DVec3,
+    by_joints: Vec<DVec3>,
 }
 
 impl Touches {
@@ -82,20 +95,20 @@ impl Touches {
     ///
     /// # Errors
     /// If the observations are not contacts of positions, a taxel is not in the drawing, the rows of a touch are in
-    /// different contacts, or an offset of the probe `needs` orientations and there are none.
+    /// different contacts, or an offset of the probe or of joints is fitted and the rows do not say how the touch moves with it.
     pub(super) fn new(
         observations: &Observations,
         cad: &CadSkin,
-        needs_orientation: bool,
+        options: &BodyOptions,
     ) -> Result<Self, CalibError> {
-        Self::of_rows(observations, cad, needs_orientation, 0)
+        Self::of_rows(observations, cad, options, 0)
     }
 
     /// As [`Touches::new`], of observations that come after `before` rows, which errors count.
     pub(super) fn of_rows(
         observations: &Observations,
         cad: &CadSkin,
-        needs_orientation: bool,
+        options: &BodyOptions,
         before: usize,
     ) -> Result<Self, CalibError> {
         if let Some((edge, found)) = observations.edges.enumerate().next() {
@@ -109,13 +122,16 @@ impl Touches {
             let (row, id) = (observations.touch_of(place), observations.taxels[observed.taxel].id);
             let contact = ContactObservationId::new(before + place.index());
             let vertex = *vertices.get(&id).ok_or(CalibError::NotInCad { contact, id })?;
-            if needs_orientation && row.probe.is_none() {
+            if options.probe.is_some() && row.probe.is_none() {
                 return Err(CalibError::NoProbeOrientation { contact, id });
+            }
+            if options.joints.is_some() && row.by_joints.is_empty() {
+                return Err(CalibError::NoJointColumns { contact, id });
             }
             let touch = match row.touch.map(|number| numbers.entry(number)) {
                 Some(Entry::Occupied(known)) => *known.get(),
-                Some(Entry::Vacant(place)) => *place.insert(sums.push(RowSum::new(contact, row))),
-                None => sums.push(RowSum::new(contact, row)),
+                Some(Entry::Vacant(place)) => *place.insert(sums.push(RowSum::new(contact, &row))),
+                None => sums.push(RowSum::new(contact, &row)),
             };
             let sum = &mut sums[touch];
             if sum.contact != row.contact {
@@ -132,6 +148,10 @@ impl Touches {
                     return Err(CalibError::WrongModel { observation, id, model: Model::Positions, needed });
                 }
             };
+            for (sum, column) in sum.by_joints.iter_mut().zip(&row.by_joints) {
+                *sum += row.weight * *column;
+            }
+            sum.velocity += row.weight * row.velocity.unwrap_or(DVec3::ZERO);
             sum.outward += row.weight * row.outward.unwrap_or(DVec3::ZERO);
             sum.normal += cad.taxels[vertex].normal.unwrap_or(DVec3::ZERO);
             sum.body = sum.body.zip(row.body).map(|((centre, radius), body)| {
@@ -143,7 +163,16 @@ impl Touches {
             sum.probe += row.weight * DMat3::from_quat(row.probe.unwrap_or_default());
             sum.information += row.weight * information.matrix();
         }
-        Ok(Self::of_sums(sums))
+        let mut touches = Self::of_sums(sums);
+        touches.has_delay =
+            observations.touches.iter().any(|row| row.velocity.is_some_and(|v| v != DVec3::ZERO));
+        if options.joints.is_some() {
+            touches.joints.clone_from(&observations.joints);
+        } else {
+            // The last column is the velocity.
+            touches.all.iter_mut().for_each(|touch| drop(touch.columns.drain(..touch.columns.len() - 1)));
+        }
+        Ok(touches)
     }
 
     fn of_sums(sums: IdVec<TouchId, RowSum>) -> Self {
@@ -173,13 +202,19 @@ impl Touches {
                 lift,
                 outward: share * sum.outward,
                 path: sum.path,
+                columns: sum
+                    .by_joints
+                    .into_iter()
+                    .map(|column| share * column)
+                    .chain([-share * sum.velocity])
+                    .collect(),
                 expected: DVec3::ZERO,
                 contact,
                 weight: 1.0,
             });
         }
         all.iter_mut().for_each(|touch: &mut Touch| touch.weight = (counts[touch.contact] as f64).recip());
-        Self { all, contacts: counts.len() }
+        Self { all, contacts: counts.len(), joints: Vec::new(), has_delay: false }
     }
 
     /// The standard deviation of the standoff where touches are centres of spheres: a tenth of their radius, at least 1 mm.
@@ -188,15 +223,22 @@ impl Touches {
         median(lifts).map(|lift| (0.1 * lift / LIFT).max(1e-3))
     }
 
+    /// The standard deviations of the unknowns on which the errors of touches depend linearly: offsets of joints, in rad or m, and the delay of the readings, in s.
+    pub(super) fn linear(&self, options: &BodyOptions) -> Vec<f64> {
+        let of_joint = |joint: &TouchJoint| options.joints.map(|tolerance| tolerance.of_joint(joint.motion));
+        let delay = self.has_delay.then_some(DELAY_SIGMA);
+        self.joints.iter().filter_map(of_joint).chain(delay).collect()
+    }
+
     /// Those for which `takes` is true of the contact.
     pub(super) fn of_contacts(&self, takes: impl Fn(usize) -> bool) -> Self {
         let taken = self.all.iter().filter(|touch| takes(touch.contact)).cloned();
-        Self { all: taken.collect(), contacts: self.contacts }
+        Self { all: taken.collect(), joints: self.joints.clone(), ..*self }
     }
 }
 
 impl RowSum {
-    fn new(first: ContactObservationId, row: TouchRow) -> Self {
+    fn new(first: ContactObservationId, row: &TouchRow) -> Self {
         Self {
             first,
             contact: row.contact,
@@ -209,6 +251,8 @@ impl RowSum {
             body: Some((DVec3::ZERO, 0.0)),
             outward: DVec3::ZERO,
             path: row.path,
+            velocity: DVec3::ZERO,
+            by_joints: vec![DVec3::ZERO; row.by_joints.len()],
         }
     }
 }

@@ -4,6 +4,7 @@
 //! The share of rejected touches says little of a wrong log, since noise is estimated: everything becomes noise.
 
 use super::result::BodyCalibration;
+use crate::calib::JointMotion;
 
 /// Least share of the spread of the touches that the fit explains.
 const LEAST_EXPLAINED: f64 = 0.85;
@@ -76,6 +77,20 @@ impl BodyCalibration {
                         scale * given
                     ));
                 }
+            }
+        }
+        for found in &self.joints {
+            if found.offset.abs() > DOUBTFUL_TIMES * found.tolerance {
+                let (unit, scale) = match found.joint.motion {
+                    JointMotion::Turns => ("degrees", 1_f64.to_degrees()),
+                    JointMotion::Slides => ("mm", 1e3),
+                };
+                said.push(format!(
+                    "the joint {} is off by {:.1} {unit}, far beyond its tolerance of {:.1}",
+                    found.joint.name,
+                    scale * found.offset,
+                    scale * found.tolerance
+                ));
             }
         }
         said

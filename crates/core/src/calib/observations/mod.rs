@@ -5,7 +5,7 @@ pub(super) mod information;
 mod touch_row;
 mod validate;
 
-pub use touch_row::{TouchRow, TouchingBody};
+pub use touch_row::{JointMotion, TouchJoint, TouchRow, TouchingBody};
 
 use std::collections::HashMap;
 use std::fmt;
@@ -228,6 +228,8 @@ pub struct Observations {
     /// The touch of every contact; empty if the observations do not name touches. Only
     /// [`fit_bodies`](crate::calib::fit_bodies()) uses it.
     pub touches: IdVec<ContactObservationId, TouchRow>,
+    /// The joints with which touches move, if that is known ([`TouchRow::by_joints`]).
+    pub joints: Vec<TouchJoint>,
 }
 
 impl Observations {
@@ -242,6 +244,9 @@ impl Observations {
         }
         for contact in &touch.contacts {
             self.contacts.push(ContactObservation { taxel: place[contact.taxel], ..contact.clone() });
+        }
+        if self.joints.is_empty() {
+            self.joints.clone_from(&touch.joints);
         }
         if !(self.touches.is_empty() && touch.touches.is_empty()) {
             // Contacts without a row are touches of their own.
@@ -282,8 +287,18 @@ impl Observations {
                 }
             }
         }
-        for body in self.touches.iter_mut().filter_map(|row| row.body.as_mut()) {
-            (body.centre, body.radius) = (body.centre * factor, body.radius * factor);
+        for row in self.touches.iter_mut() {
+            if let Some(body) = &mut row.body {
+                (body.centre, body.radius) = (body.centre * factor, body.radius * factor);
+            }
+            for vector in [&mut row.path, &mut row.velocity].into_iter().flatten() {
+                *vector *= factor;
+            }
+            // A joint that slides by a length moves the body by a length.
+            let turning = self.joints.iter().map(|joint| joint.motion == JointMotion::Turns);
+            for (column, _) in row.by_joints.iter_mut().zip(turning).filter(|(_, turns)| *turns) {
+                *column *= factor;
+            }
         }
     }
 }

@@ -9,7 +9,7 @@ use crate::mesh::is_within_reach;
 /// The touch of a contact, one for each row of a table.
 ///
 /// A touch that several taxels feel has a row for each of them; all its rows observe one point of contact.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct TouchRow {
     /// Rows with the same number are one touch; `None`: a touch of its own.
     pub touch: Option<u64>,
@@ -26,6 +26,29 @@ pub struct TouchRow {
     /// The path of the body in the touch, if known: the direction along which its positions differ most, its length their standard
     /// deviation, in m, all in the frame of the contacts.
     pub path: Option<DVec3>,
+    /// The velocity of the body in the touch, in the frame of the contacts, in m/s: the mean, weighted by the readings, if known.
+    pub velocity: Option<DVec3>,
+    /// How the body moves, in the frame of the contacts, with the value of each of [`Observations::joints`], in m per rad, or
+    /// without a unit where the joint slides; empty if it is not known.
+    pub by_joints: Vec<DVec3>,
+}
+
+/// A joint of the robot that moves what touches against the skin.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+pub struct TouchJoint {
+    /// Its name.
+    pub name: String,
+    /// How it moves.
+    pub motion: JointMotion,
+}
+
+/// How a joint moves.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum JointMotion {
+    /// It turns: its value is in rad.
+    Turns,
+    /// It slides: its value is in m.
+    Slides,
 }
 
 /// A sphere that touched.
@@ -39,7 +62,17 @@ pub struct TouchingBody {
 
 impl Default for TouchRow {
     fn default() -> Self {
-        Self { touch: None, contact: None, weight: 1.0, probe: None, body: None, outward: None, path: None }
+        Self {
+            touch: None,
+            contact: None,
+            weight: 1.0,
+            probe: None,
+            body: None,
+            outward: None,
+            path: None,
+            velocity: None,
+            by_joints: Vec::new(),
+        }
     }
 }
 
@@ -47,7 +80,7 @@ impl Observations {
     /// The touch of a contact; the default where the observations have none.
     #[doc(hidden)]
     pub fn touch_of(&self, contact: ContactObservationId) -> TouchRow {
-        self.touches.get(contact).copied().unwrap_or_default()
+        self.touches.get(contact).cloned().unwrap_or_default()
     }
 
     /// Refuses touches that are not one for each contact, and numbers that no table may have.
@@ -68,6 +101,12 @@ impl Observations {
             if row.probe.is_some_and(|q| !is_unit(q)) {
                 return invalid("the orientation of its probe is not a quaternion of unit length");
             }
+            if !row.by_joints.is_empty() && row.by_joints.len() != self.joints.len() {
+                return invalid("how it moves with joints is not known of each joint, or of none");
+            }
+            if row.by_joints.iter().any(|column| !is_within_reach(*column)) {
+                return invalid("how it moves with a joint is not within 1e12 m");
+            }
             let is_body =
                 |body: TouchingBody| is_within_reach(body.centre) && (0.0..=1e3).contains(&body.radius);
             if row.outward.is_some_and(|outward| !outward.is_finite()) {
@@ -75,6 +114,9 @@ impl Observations {
             }
             if row.path.is_some_and(|path| !is_within_reach(path)) {
                 return invalid("the path of its body is not within 1e12 m");
+            }
+            if row.velocity.is_some_and(|velocity| !is_within_reach(velocity)) {
+                return invalid("the velocity of its body is not within 1e12 m/s");
             }
             if row.body.is_some_and(|body| !is_body(body)) {
                 return invalid("the body has no centre within 1e12 m, or no radius from 0 to 1000 m");

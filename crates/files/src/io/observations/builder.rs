@@ -9,7 +9,7 @@ use glam::{DQuat, DVec3};
 
 use crate::calib::{
     ContactMeasurement, ContactObservation, Displacement, DisplacementMeasurement, Information, Model,
-    Observations, Pose, TaxelVariable, TouchRow,
+    Observations, Pose, TaxelVariable, TouchJoint, TouchRow,
 };
 use crate::id::VertexId;
 use crate::io::error::Result;
@@ -131,8 +131,11 @@ impl ObservationsBuilder {
         self.edges.is_empty() && self.contacts.is_empty()
     }
 
-    /// The touch of the next contact.
-    pub(super) fn touch(&mut self, row: TouchRow) {
+    /// The touch of the next contact, with the joints of the table.
+    pub(super) fn touch(&mut self, row: TouchRow, joints: &[TouchJoint]) {
+        if self.observations.touches.is_empty() {
+            self.observations.joints = joints.to_vec();
+        }
         self.observations.touches.push(row);
     }
 

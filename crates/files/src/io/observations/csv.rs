@@ -10,7 +10,8 @@ use crate::io::file::{Lines, OutPath, excerpt, invalid, unfit};
 use crate::io::observations::builder::{ObservationsBuilder, ReadObservations, SIGMA_RANGE, information_of};
 use crate::io::observations::touch_columns::{self, TOUCH, TOUCH_COLUMNS, TouchColumns};
 use crate::io::table::cells::{Cells, Separator};
-use crate::io::table::writer::write_table;
+use crate::io::table::touch_log::is_of_joint;
+use crate::io::table::writer::{header_of, write_table};
 use crate::io::table::{Columns, Row, Table, TimeColumn};
 
 /// Uncertainty where a table gives none, in m per axis: that of the source paper's experiment.
@@ -35,7 +36,7 @@ const INFORMATION: [&str; 6] = ["ixx", "ixy", "ixz", "iyy", "iyz", "izz"];
 
 /// What a table may contain, for messages.
 pub(super) const TABLES: &str = "i,j,dx,dy,dz or i,x,y,z[,nx,ny,nz[,sigma_n]], then sigma or sx,sy,sz or \
-                      ixx,ixy,ixz,iyy,iyz,izz; also time; of contacts also touch, contact, weight, qx,qy,qz,qw, px,py,pz,radius, outx,outy,outz, pathx,pathy,pathz, separated by commas";
+                      ixx,ixy,ixz,iyy,iyz,izz; also time; of contacts also touch, contact, weight, qx,qy,qz,qw, px,py,pz,radius, outx,outy,outz, pathx,pathy,pathz, vx,vy,vz, dx:JOINT,dy:JOINT,dz:JOINT, separated by commas";
 
 /// Whether a line is the header of a table, whatever separates its words: g2o has no such words.
 pub(super) fn is_header(line: &str) -> bool {
@@ -90,6 +91,7 @@ impl ColumnIndices {
             let position = columns.need_vector(POSITION)?;
             touch = TouchColumns::find(columns)?;
             used.extend(TOUCH_COLUMNS);
+            used.extend(columns.names().filter(|name| is_of_joint(name)));
             let normal = columns.find_vector(NORMAL)?;
             if normal.is_some() {
                 used.extend(NORMAL.into_iter().chain([NORMAL_SIGMA]));
@@ -148,8 +150,8 @@ pub(super) fn read_row(
 ) -> Result<()> {
     let (id, at) = (row.taxel(columns.taxel)?, &row.at);
     let information = information(row, &columns.uncertainty)?;
-    if let Some(touch) = columns.touch {
-        builder.touch(touch.read(row)?);
+    if let Some(touch) = &columns.touch {
+        builder.touch(touch.read(row)?, &touch.joints);
     }
     match columns.subject {
         Subject::Displacement { other, offset } => {
@@ -229,8 +231,8 @@ fn write_contacts(observations: &Observations, path: &OutPath) -> Result<()> {
     let normals: &[&str] = if with_normals { &["nx", "ny", "nz", NORMAL_SIGMA] } else { &[] };
     let touches = touch_columns::written(observations);
     let header = ["i"].into_iter().chain(POSITION).chain(normals.iter().copied());
-    let header = header.chain(touches.iter().copied()).chain(INFORMATION);
-    write_table(path, &header.collect::<Vec<_>>().join(","), |table| {
+    let header = header.chain(touches.iter().map(String::as_str)).chain(INFORMATION);
+    write_table(path, &header_of(header), |table| {
         for (number, contact) in observations.contacts.enumerate() {
             let id = observations.taxels[contact.taxel].id;
             let refuse =

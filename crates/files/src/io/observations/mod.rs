@@ -147,8 +147,11 @@ fn append(into: &mut Observations, other: Observations, path: &Path) -> Result<(
             needed,
         ));
     }
+    if !other.touches.is_empty() {
+        into.joints.clone_from(&other.joints);
+    }
     other.touches.iter().for_each(|row| {
-        into.touches.push(*row);
+        into.touches.push(row.clone());
     });
     let known: HashMap<TaxelId, VertexId> = into.taxels.enumerate().map(|(v, t)| (t.id, v)).collect();
     let taxels = &other.taxels;

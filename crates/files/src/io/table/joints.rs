@@ -4,9 +4,13 @@ use std::path::Path;
 
 use crate::{
     io::{
+        IoError,
         error::Result,
-        file::Source,
-        table::{Table, TimeColumn},
+        file::{OutPath, Source},
+        table::{
+            Table, TimeColumn,
+            writer::{header_of, write_table},
+        },
     },
     robot::Robot,
 };
@@ -16,6 +20,8 @@ use crate::{
 pub struct JointTable {
     /// Times in s, and the values of [`Robot::joints`] in their order, in rad or m.
     pub rows: Vec<(f64, Vec<f64>)>,
+    /// The joints that have a column, as indices in [`Robot::joints`]; the others are at 0, or follow another.
+    pub given: Vec<usize>,
     /// Names of columns that are not used.
     pub unused: Vec<String>,
 }
@@ -56,5 +62,25 @@ pub fn read_joint_values(path: &Path, robot: &Robot) -> Result<JointTable> {
         }
         Ok((at, values))
     })?;
-    Ok(JointTable { rows, unused })
+    let given = columns.iter().map(|&(k, _)| k).collect();
+    Ok(JointTable { rows, given, unused })
+}
+
+/// Writes values of joints at some times (s), as [`read_joint_values`] reads them: a column `time`, and one for each of `names`.
+///
+/// # Errors
+/// [`IoError::Write`]; an older file stays as it was.
+pub fn write_joint_values<'v>(
+    path: impl Into<OutPath>,
+    names: &[&str],
+    rows: impl IntoIterator<Item = (f64, &'v [f64])>,
+) -> std::result::Result<(), IoError> {
+    let header = header_of(["time"].into_iter().chain(names.iter().copied()));
+    write_table(&path.into(), &header, |table| {
+        for (time, values) in rows {
+            table.decimals([time].into_iter().chain(values.iter().copied()));
+            table.end_row()?;
+        }
+        Ok(())
+    })
 }

@@ -69,7 +69,12 @@ impl<R: BufRead> Table<R> {
         let separator = separator.unwrap_or(Separator::Sign(','));
         read_row(&mut lines, &mut cells, separator)?;
         let ignores_case = lines.comment.is_some();
-        let name = |name: &str| if ignores_case { name.to_ascii_lowercase() } else { name.to_owned() };
+        // What follows a colon is the name of something, as in `dx:Elbow`.
+        let name = |name: &str| match name.split_once(':') {
+            Some((before, of)) if ignores_case => format!("{}:{of}", before.to_ascii_lowercase()),
+            _ if ignores_case => name.to_ascii_lowercase(),
+            _ => name.to_owned(),
+        };
         let at = lines.at();
         let columns = Columns::new(at.path, at.line.max(1), cells.iter().map(name).collect())?;
         Ok(Self { lines, columns, cells, separator, ended: false })
@@ -375,6 +380,11 @@ impl Columns {
 
     pub(crate) fn need(&self, name: &str) -> Result<usize> {
         self.find(name).ok_or_else(|| self.at().invalid(self.describe(), format!("a column `{name}`")))
+    }
+
+    /// The names, in their order.
+    pub(crate) fn names(&self) -> impl Iterator<Item = &str> {
+        self.names.iter().map(String::as_str)
     }
 
     /// The names found, for messages.

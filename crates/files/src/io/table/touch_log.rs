@@ -4,14 +4,14 @@ use std::path::Path;
 
 use glam::{DQuat, DVec3};
 
-use crate::calib::Pose;
+use crate::calib::{JointMotion, Pose, TouchJoint};
 use crate::io::IoError;
 use crate::io::error::Result;
 use crate::io::file::{OutPath, Source};
-use crate::io::table::writer::write_table;
+use crate::io::table::writer::{header_of, write_table};
 use crate::io::table::{Columns, Row, Table, TimeColumn};
 use crate::skin::TaxelId;
-use crate::touches::{TouchBody, TouchContact, TouchLog, TouchRow};
+use crate::touches::{TouchBody, TouchContacts, TouchLog, TouchRow};
 
 /// The rows of a table, and the names of columns that are not used.
 pub type TouchRows = (Vec<TouchRow>, Vec<String>);
@@ -204,15 +204,41 @@ pub fn write_touch_log(
     })
 }
 
-/// Writes contacts: `i,x,y,z,touch[,contact],weight[,qx,qy,qz,qw][,px,py,pz,radius][,outx,outy,outz,pathx,pathy,pathz],ixx,ixy,ixz,iyy,iyz,izz`, metres and
-/// 1/m^2. `contact` and the orientation of the body stand there if the log has them, the body if no touch is of a plane.
+/// Before the name of a joint: how the body moves with it; and after the name of one that slides, whose values are in m.
+const BY_JOINT: [&str; 3] = ["dx:", "dy:", "dz:"];
+const SLIDES: &str = "[m]";
+
+/// The names of the columns of a joint.
+pub(in crate::io) fn names_of_joint(joint: &TouchJoint) -> [String; 3] {
+    let unit = if joint.motion == JointMotion::Slides { SLIDES } else { "" };
+    BY_JOINT.map(|before| format!("{before}{}{unit}", joint.name))
+}
+
+/// Whether a column is one of a joint.
+pub(in crate::io) fn is_of_joint(name: &str) -> bool {
+    BY_JOINT.iter().any(|before| name.starts_with(before))
+}
+
+/// The joint of a column.
+pub(in crate::io) fn joint_of(name: &str) -> Option<TouchJoint> {
+    let name = BY_JOINT.iter().find_map(|before| name.strip_prefix(before))?;
+    Some(match name.strip_suffix(SLIDES) {
+        Some(name) => TouchJoint { name: name.to_owned(), motion: JointMotion::Slides },
+        None => TouchJoint { name: name.to_owned(), motion: JointMotion::Turns },
+    })
+}
+
+/// Writes contacts: `i,x,y,z,touch[,contact],weight[,qx,qy,qz,qw][,px,py,pz,radius][,outx,outy,outz,pathx,pathy,pathz][,vx,vy,vz][,dx:NAME,dy:NAME,dz:NAME],ixx,ixy,ixz,iyy,iyz,izz`, metres and
+/// 1/m^2. `contact` and the orientation of the body stand there if the log has them, the body if no touch is of a plane; three columns
+/// for each of the joints with which touches move, `dx:NAME[m]` and so on where it slides.
 ///
 /// # Errors
 /// [`IoError::Write`]; an older file stays as it was.
 pub fn write_touch_contacts(
     path: impl Into<OutPath>,
-    contacts: &[TouchContact],
+    found: &TouchContacts,
 ) -> std::result::Result<(), IoError> {
+    let TouchContacts { contacts, joints, .. } = found;
     let has_contacts = contacts.iter().any(|contact| contact.contact.is_some());
     let has_times = contacts.iter().all(|contact| contact.time.is_some());
     let has_rotations = contacts.iter().any(|contact| contact.body_rotation.is_some());
@@ -226,6 +252,12 @@ pub fn write_touch_contacts(
     header += if has_outward { ",outx,outy,outz" } else { "" };
     let has_path = contacts.iter().all(|contact| contact.path.is_some());
     header += if has_path { ",pathx,pathy,pathz" } else { "" };
+    let has_velocity = contacts.iter().all(|contact| contact.velocity.is_some());
+    header += if has_velocity { ",vx,vy,vz" } else { "" };
+    let names: Vec<String> = joints.iter().flat_map(names_of_joint).collect();
+    if !names.is_empty() {
+        header = format!("{header},{}", header_of(names.iter().map(String::as_str)));
+    }
     header += ",ixx,ixy,ixz,iyy,iyz,izz";
     write_table(&path.into(), &header, |table| {
         for contact in contacts {
@@ -246,7 +278,9 @@ pub fn write_touch_contacts(
             let outward = contact.outward.filter(|_| has_outward).into_iter();
             table.decimals(outward.flat_map(|outward| outward.to_array()));
             let path = contact.path.filter(|_| has_path).into_iter();
-            table.decimals(path.flat_map(|path| path.to_array()));
+            let velocity = contact.velocity.filter(|_| has_velocity);
+            table.decimals(path.chain(velocity).flat_map(|vector| vector.to_array()));
+            table.decimals(contact.by_joints.iter().flat_map(|column| column.to_array()));
             table.decimals(contact.information.upper());
             table.end_row()?;
         }

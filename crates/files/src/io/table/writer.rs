@@ -52,6 +52,14 @@ pub(crate) fn push_cell(text: &mut Vec<u8>, cell: &str) {
     text.push(b',');
 }
 
+/// The names of columns as the first line of a table, without its end.
+pub(crate) fn header_of<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
+    let mut text = Vec::new();
+    names.into_iter().for_each(|name| push_cell(&mut text, name));
+    text.pop();
+    String::from_utf8_lossy(&text).into_owned()
+}
+
 pub(crate) fn end_row(text: &mut Vec<u8>) {
     text.pop();
     text.push(b'\n');
