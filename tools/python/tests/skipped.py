@@ -1,4 +1,4 @@
-"""Fails if a test was skipped in every run of pytest: python skipped.py RESULTS.xml..."""
+"""Fails if a test, or a block of a page, was skipped in every run of pytest: python skipped.py RESULTS.xml..."""
 
 import sys
 from xml.etree import ElementTree
@@ -13,6 +13,13 @@ for case in (case for file in sys.argv[1:] for case in ElementTree.parse(file).i
         run |= {name, (name[0], "")}
     else:
         skipped[name] = reason.get("message") or ""
+    # A test of a page says which of its blocks it ran, and what the others need.
+    for said in case.iter("property"):
+        block = (name[0], f"{name[1]}, {said.get('name')}")
+        if said.get("value") == "ran":
+            run.add(block)
+        else:
+            skipped[block] = said.get("value") or ""
 never = {name: reason for name, reason in skipped.items() if name not in run}
 for (file, test), reason in sorted(never.items()):
     print(f"{file} {test}: skipped in every environment: {reason}")

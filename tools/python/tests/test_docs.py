@@ -75,25 +75,27 @@ def ros(monkeypatch):
     return published
 
 
-def run(blocks, page):
+def run(blocks, page, say):
     names = {"__name__": "page"}
-    for block in blocks:
+    for number, block in enumerate(blocks):
         needed = re.findall(r"^import (\w+)", block, re.MULTILINE)
         missing = [name for name in needed if importlib.util.find_spec(name) is None]
         if "Readings.open(" in block and not SAMPLES.is_dir():
             missing.append("DERMATOME_DATA/recordings")
         if missing:
             print(f"{page}: skipped a block that needs {', '.join(missing)}")
+            say(f"block {number}", f"needs {', '.join(missing)}")
         else:
+            say(f"block {number}", "ran")
             exec(compile(block, page, "exec"), names)
 
 
 @pytest.mark.parametrize("page", ["README.md", "docs/python.md", "docs/behaviours.md", "docs/atlas.md"])
-def test_blocks_run(page, folder, ros):
+def test_blocks_run(page, folder, ros, record_property):
     text = (ROOT / page).read_text()
     blocks = [block for block in re.findall(r"```python\n(.*?)```", text, re.DOTALL) if "touch.npz" not in block]
     assert blocks
-    run(blocks, page)
+    run(blocks, page, record_property)
     if any("rclpy" in block for block in blocks):
         drawn = [np.frombuffer(image.data, np.float32).reshape(image.height, image.width) for image in ros]
         assert [image.max() for image in drawn] == [0, 1, 2]

@@ -51,8 +51,11 @@ def test_every_public_name_is_documented():
     assert [name for name, thing in public() if not inspect.getdoc(thing)] == []
 
 
+ADAPTERS = ("genesis", "lerobot", "mujoco", "ray", "rerun", "ros", "torch", "trimesh")
+
+
 def adapters():
-    for name in ("genesis", "lerobot", "mujoco", "ray", "rerun", "ros", "trimesh"):
+    for name in ADAPTERS:
         module = importlib.import_module(f"dermatome.{name}")
         yield from ((f"{name}.{member}", thing) for member, thing in vars(module).items() if inspect.isfunction(thing) and thing.__module__ == module.__name__ and not member.startswith("_"))
 
@@ -82,6 +85,34 @@ def test_help_says_the_shapes_of_arrays():
     assert "(..., C, N)" in dermatome.Renderer.__doc__ and "(..., C, H, W)" in dermatome.Renderer.__doc__
 
 
+def documented_in_adapters():
+    """The names in `__all__` of adapters and what their text says of them: their packages need not be installed."""
+    for name in ADAPTERS:
+        trees = [ast.parse((Path(dermatome.__file__).parent / f"{file}.py").read_text()) for file in (name, f"_{name}") if (Path(dermatome.__file__).parent / f"{file}.py").is_file()]
+        nodes = {node.name: node for tree in trees for node in tree.body if isinstance(node, (ast.FunctionDef, ast.ClassDef))}
+        for member in importlib.import_module(f"dermatome.{name}").__all__:
+            if member in nodes:
+                node = nodes[member]
+                inner = [node] if isinstance(node, ast.FunctionDef) else [each for each in node.body if isinstance(each, ast.FunctionDef) and each.name == "__init__"]
+                arguments = [each.arg for of in inner for each in [*of.args.args, *of.args.kwonlyargs] if each.arg != "self"]
+                yield f"{name}.{member}", ast.get_docstring(node) or "", arguments
+
+
+def test_adapters_say_what_is_public_and_what_it_raises():
+    seen = {}
+    for name, doc, arguments in documented_in_adapters():
+        seen[name] = doc
+        assert doc and (not arguments or re.search(r"^Raises\n------\n\w", doc, re.MULTILINE)), name
+        for line, text in numbers_of(doc):
+            assert re.search(UNIT, text, re.IGNORECASE), f"{name}: {line}"
+    known = {f"{name}.{member}" for name in ADAPTERS for member in importlib.import_module(f"dermatome.{name}").__all__}
+    assert known - seen.keys() == {"trimesh.skin"}, "it is Skin.from_mesh"
+    for name in ADAPTERS:
+        module = importlib.import_module(f"dermatome.{name}")
+        own = {member for member, thing in vars(module).items() if getattr(thing, "__module__", "") == module.__name__ and not member.startswith("_")}
+        assert own - {"key"} <= set(module.__all__), name
+
+
 def test_help_says_what_is_raised():
     """Of every call that takes arguments, and of classes that do."""
     missing, calls = [], 0
@@ -101,18 +132,21 @@ def test_help_says_what_is_raised():
 UNIT = r"(?<![\w/])(m|mm|rad|s|Hz|N|Pa|m\^2|m/s|1/m\^2|pixels?|frames?|in the unit|in their unit|units?|ratio|share|from 0 to 1|times|factor|weights?|chance|degrees|frames per|coordinates|number of|numbers of|per m|of pixels|columns)(?!\w)"
 
 
+def numbers_of(doc, is_value=False):
+    """The lines of a help text that name numbers, and all that is said of these."""
+    lines = doc.splitlines()
+    for k, line in enumerate(lines):
+        said = re.match(r"\w[\w, ]* : (.*)", line)
+        if said and re.search(r"float|\barray", said[1]) and not re.search(r"\bu?int|bool|of str", said[1]):
+            yield line, " ".join([said[1], *itertools.takewhile(lambda row: row.startswith("    "), lines[k + 1 :])])
+        elif k == 0 and is_value and re.match(r"[^:]*\bfloat", line):
+            yield line, " ".join(lines)
+
+
 def test_help_says_the_units_of_numbers():
     numbers, missing = 0, []
     for name, thing in public():
-        lines = (inspect.getdoc(thing) or "").splitlines()
-        for k, line in enumerate(lines):
-            said = re.match(r"\w[\w, ]* : (.*)", line)
-            if said and re.search(r"float|\barray", said[1]) and not re.search(r"\bu?int|bool|of str", said[1]):
-                text = " ".join([said[1], *itertools.takewhile(lambda row: row.startswith("    "), lines[k + 1 :])])
-            elif k == 0 and not callable(thing) and re.match(r"[^:]*\bfloat", line):
-                text = " ".join(lines)
-            else:
-                continue
+        for line, text in numbers_of(inspect.getdoc(thing) or "", not callable(thing)):
             numbers += 1
             if not re.search(UNIT, text, re.IGNORECASE):
                 missing.append(f"{name}: {line}")

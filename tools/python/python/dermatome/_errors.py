@@ -76,15 +76,26 @@ def number_of(argument: str, value: object, needed: str) -> float:
             return float(value)  # type: ignore[arg-type]
     except (TypeError, ValueError, OverflowError):
         pass
-    raise ArgumentError(f"{argument}: found {str(value)[:40]!r}; needed: {needed}")
+    raise ArgumentError(f"{argument}: found {shown(value)}; needed: {needed}")
+
+
+def shown(value: object) -> str:
+    """A value in a message: the first letters of its text."""
+    try:
+        return repr(str(value)[:40])
+    except ValueError:  # Of a number of thousands of digits.
+        return type(value).__name__
 
 
 def whole_of(argument: str, value: object, needed: str) -> int:
-    """A whole number; an error of another argument."""
+    """A whole number of 64 bits; an error of another argument."""
     try:
-        return operator.index(value)  # type: ignore[arg-type]
+        number = operator.index(value)  # type: ignore[arg-type]
     except TypeError:
-        raise ArgumentError(f"{argument}: found {str(value)[:40]!r}; needed: {needed}") from None
+        raise ArgumentError(f"{argument}: found {shown(value)}; needed: {needed}") from None
+    if not -(2**63) <= number < 2**63:
+        raise DataError(f"{argument}: found a number of {number.bit_length()} bits; needed: {needed}, of 64 bits")
+    return number
 
 
 #: What takes the place of another type, in messages.

@@ -1,14 +1,13 @@
-"""The numbers in messages of ROS: their types decide what they are, and bytes are never taken for readings."""
+"""The numbers in messages of ROS, with the shape, axes, names, ids and units that their types give them. Types decide what bytes
+are, and bytes are never taken for readings."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from dermatome._adapter import need
-from dermatome._dermatome import Map, as_floats
 from dermatome._errors import DataError
 from dermatome._kinds import is_list
 
@@ -18,50 +17,42 @@ DEFINITIONS = {
     "tuw_airskin_msgs/msg/AirskinPressures": "std_msgs/Header header\nuint8[] ids\nstring[] frame_ids\nuint32[] pressures",
 }
 
-# What a message of `ros.read(values=)` is turned to numbers by.
-Wanted = str | Sequence[str] | Callable[[Any], Any] | None
-# Labels of the axis of a MultiArray that is not of taxels.
-CHANNELS = re.compile("channel|component|^ax[ei]s|^xyz|^force|^c$")
 # Fields of a point that are no readings.
 NOT_READ = re.compile("^(x|y|z|n[xyz]|normal_[xyz]|rgba?|id|taxel_id|index|label|ring|t|time|timestamp)$")
 OPENCV = re.compile(r"(8U|8S|16U|16S|32S|32F|64F)C?(\d*)")
 TYPES = {"8U": "u1", "8S": "i1", "16U": "u2", "16S": "i2", "32S": "i4", "32F": "f4", "64F": "f8"}
 NAMED = {"mono": 1, "rgb": 3, "bgr": 3, "rgba": 4, "bgra": 4}
 POINTS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
+# Units of messages whose definition gives them.
+WRENCH = ("force", "torque")
 
 
 @dataclass
-class Numbers:
-    """The numbers of a message: (C, n), names of the channels, and ids of the n where the message has some."""
+class Frame:
+    """The numbers of a message, in its shape."""
 
     values: Any
-    names: list[str]
+    # What one of its values is.
+    word: str = "numbers"
+    # Of a MultiArray: what its axes are called, empty where it does not say it.
+    labels: list[str] | None = None
+    # Names of components.
+    names: list[str] | None = None
     ids: Any = None
+    unit: str | None = None
+    # A unit a component, where they differ.
+    units: list[str] | None = None
+    # Positions of points.
+    points: Any = None
+    # The sensors that are in `values` one after the other, and how many numbers each has.
+    sensors: list[tuple[str, int]] | None = None
+    said: dict[str, str] = field(default_factory=lambda: {})
 
-
-def numbers_of(message: Any, map: Map, count: int, wanted: Wanted) -> Numbers:
-    """The numbers of a message that has readings of `count` taxels."""
-    np = need("numpy", "ros")
-    if callable(wanted):
-        rows = as_floats("values", wanted(message))
-        if rows.ndim not in (1, 2):
-            raise DataError(f"values: found shape {rows.shape}; needed: shape (n,) or (C, n)")
-        return Numbers(np.atleast_2d(rows), [f"channel{k}" for k in range(len(np.atleast_2d(rows)))])
-    names = None if wanted is None else [wanted] if isinstance(wanted, str) else list(wanted)
-    if hasattr(message, "point_step"):
-        return points_of(message, names)
-    if names is not None:
-        parts = [_named(message, name, map, count) for name in names]
-        return Numbers(np.concatenate([part.values for part in parts]), [n for part in parts for n in part.names], parts[0].ids)
-    if hasattr(message, "sensors"):  # tactile_msgs/TactileState
-        return _sensors([(sensor.name, sensor.values) for sensor in message.sensors], map, count)
-    if hasattr(message, "channels") and hasattr(message, "points"):  # sensor_msgs/PointCloud
-        return _sensors([(channel.name, channel.values) for channel in message.channels], map, count)
-    if hasattr(message, "encoding") and hasattr(message, "step"):
-        return _image(message, count)
-    if hasattr(message, "layout"):
-        return _array(message, count)
-    raise DataError(f"topic: found {kind_of(message)}; needed: values, one of its fields {arrays_in(message)}, or a function of it")
+    @property
+    def axes(self) -> list[str] | None:
+        """The labels, where they tell several axes apart."""
+        labels = self.labels or []
+        return labels if all(labels) and len(set(labels)) == len(labels) > 1 else None
 
 
 def kind_of(message: Any) -> str:
@@ -97,47 +88,164 @@ def field_of(message: Any, name: str) -> Any:
     return found
 
 
-def _named(message: Any, name: str, map: Map, count: int) -> Numbers:
+# ---- The numbers of a message, as its type has them
+
+
+def frame_of(message: Any, wanted: str) -> Frame:
+    """The numbers of a message, or of one of its fields, sensors or fields of points."""
+    if hasattr(message, "point_step"):
+        return _cloud(message, wanted)
+    sensors = sensors_of(message)
+    if sensors and (not wanted or wanted in [sensor.name for sensor in sensors] or not hasattr(message, wanted.partition(".")[0])):
+        return _sensors(sensors, wanted)
+    if hasattr(message, "wrench"):
+        return _wrench(message.wrench, wanted.removeprefix("wrench").removeprefix("."))
+    if hasattr(message, "force") and hasattr(message, "torque"):
+        return _wrench(message, wanted)
+    if wanted:
+        step, _, rest = wanted.partition(".")
+        inner = getattr(message, step, None)
+        return frame_of(inner, rest) if hasattr(inner, "__msgtype__") else _field(message, field_of(message, wanted), wanted)
+    if is_image(message):
+        return _image(message)
+    if is_array(message):
+        return _array(message)
+    fields = fields_of_message(message)
+    if len(fields) == 1:
+        name = next(iter(fields))
+        return _field(message, field_of(message, name), name)
+    raise DataError(f"found {kind_of(message)}; needed: one of its fields {list(fields)} behind the topic and a point")
+
+
+def is_image(message: Any) -> bool:
+    """Whether a message is a sensor_msgs/Image."""
+    return hasattr(message, "encoding") and hasattr(message, "step")
+
+
+def is_array(message: Any) -> bool:
+    """Whether a message is one of the MultiArrays of std_msgs."""
+    return hasattr(message, "layout") and hasattr(message, "data")
+
+
+def sensors_of(message: Any) -> list[Any]:
+    """The sensors of a TactileState, or the channels of a PointCloud, each with a name and values; else none."""
+    sensors = getattr(message, "sensors", None) or (getattr(message, "channels", None) if hasattr(message, "points") else None)
+    if is_list(sensors) and sensors and hasattr(sensors[0], "values") and hasattr(sensors[0], "name"):
+        return sensors
+    return []
+
+
+def fields_of_message(message: Any) -> dict[str, tuple[int, ...]]:
+    """The streams of a message and their shapes; the name is empty where it is the message itself."""
+    if hasattr(message, "point_step"):
+        known = readings_in(table_of(message))
+        return {(name if len(known) > 1 else ""): _cloud(message, name).values.shape for name in known}
+    if sensors := sensors_of(message):
+        names: list[str] = [sensor.name for sensor in sensors]
+        return {(name if len(names) > 1 else ""): (len(sensor.values),) for name, sensor in zip(names, sensors)}
+    if hasattr(message, "wrench") or is_image(message) or is_array(message):
+        return {"": frame_of(message, "").values.shape}
+    made: dict[str, tuple[int, ...]] = {}
+    for name in arrays_in(message):
+        try:
+            made[name] = _field(message, field_of(message, name), name).values.shape
+        except DataError:
+            continue  # Text, or lists of several lengths.
+    ids = [name for name in made if name.rpartition(".")[2] in ("ids", "id")]
+    return {name: shape for name, shape in made.items() if name not in ids} if len(made) > len(ids) else made
+
+
+def _field(message: Any, found: Any, name: str) -> Frame:
     np = need("numpy", "ros")
-    sensors = {sensor.name: sensor.values for sensor in getattr(message, "sensors", ())}
-    found = sensors[name] if name in sensors else field_of(message, name)
-    if hasattr(found, "__msgtype__"):
-        return numbers_of(found, map, count, None)
-    row = as_floats(name, found)
-    if row.ndim == 0 or (row.ndim > 1 and row.size != count):
-        raise DataError(f"values: found shape {row.shape} in {name!r}; needed: {count} numbers")
-    return Numbers(np.reshape(row, (1, -1)), [name])
+    try:
+        values = np.asarray(found)
+    except ValueError:
+        values = np.asarray(None)
+    if values.dtype.kind not in "biuf" or values.ndim == 0:
+        raise DataError(f"values: found {name!r} of {kind_of(message)}, which is no array of numbers; needed: one of its fields {arrays_in(message)}")
+    made, ids = Frame(values), getattr(message, "ids", None)
+    if ids is not None and np.shape(ids) == values.shape[:1]:
+        made.ids = np.asarray(ids).astype(np.int64)
+    unit = getattr(message, "unit", None)
+    if isinstance(unit, str) and unit:
+        made.unit = unit
+    return made
 
 
-def _sensors(sensors: list[tuple[str, Any]], map: Map, count: int) -> Numbers:
-    """Sensors are patches of these names, or channels of all taxels, or parts of the taxels, one after the other."""
+def readings_in(points: Any) -> list[str]:
+    """The fields of points that may be readings."""
+    return [name for name in points.dtype.names or () if not NOT_READ.match(name)]
+
+
+def _cloud(message: Any, wanted: str) -> Frame:
+    """A reading, or a row of them, for each point."""
+    np, points = need("numpy", "ros"), table_of(message)
+    names, known = list(points.dtype.names or ()), readings_in(points)
+    if wanted and wanted not in names:
+        raise DataError(f"values: found {wanted!r}; needed: one of the fields {names} of the points")
+    wanted = wanted or (known[0] if len(known) == 1 else "value" if "value" in known else "")
+    if not wanted:
+        raise DataError(f"found the fields {known} of the points; needed: one of them behind the topic and a point")
+    values = points[wanted]
+    is_one = values.shape[1] == 1
+    made = Frame(values[:, 0] if is_one else values, "points", names=None if is_one else [f"{wanted}{k}" for k in range(values.shape[1])])
+    made.ids = next((points[name][:, 0].astype(np.int64) for name in ("id", "taxel_id") if name in names), None)
+    if {"x", "y", "z"} <= set(names):
+        made.points = np.concatenate([points[name] for name in "xyz"], axis=1)
+    return made
+
+
+def table_of(message: Any) -> Any:
+    """The points of a cloud, each with its fields, (n, count) each."""
     np = need("numpy", "ros")
-    rows = [np.asarray(values, dtype=np.float64) for _, values in sensors]
-    names, lengths = [name for name, _ in sensors], [len(row) for row in rows]
-    patches = map.patches
-    if rows and len(set(names)) == len(names) and all(name in patches for name in names):
-        if lengths == [patches[name].n_taxels for name in names]:
-            ids = np.concatenate([patches[name].ids for name in names])
-            return Numbers(np.concatenate(rows)[None], ["tactile"], ids)
-    if rows and set(lengths) == {count}:
-        return Numbers(np.stack(rows), names)
-    if rows and sum(lengths) == count:
-        return Numbers(np.concatenate(rows)[None], ["tactile"])
-    raise DataError(f"topic: found sensors of {lengths} numbers; needed: {count} in each or {count} in all")
+    kinds: dict[str, tuple[str, int, int]] = {}
+    for each in message.fields:
+        if each.datatype not in POINTS:
+            raise DataError(f"field {each.name!r}: found the type {each.datatype}; needed: 1 to 8")
+        kinds[each.name] = (POINTS[each.datatype], max(each.count, 1), each.offset)
+    order, width, data = ">" if message.is_bigendian else "<", message.width, np.asarray(message.data, np.uint8)
+    formats = [(f"{order}{kind}", (count,)) for kind, count, _ in kinds.values()]
+    offsets = [offset for _, _, offset in kinds.values()]
+    try:
+        point = np.dtype({"names": list(kinds), "formats": formats, "offsets": offsets, "itemsize": message.point_step})
+    except (ValueError, TypeError) as error:
+        raise DataError(f"points: found {message.point_step} bytes; needed: room for the fields {list(kinds)}: {error}") from None
+    row, step = width * message.point_step, message.row_step or width * message.point_step
+    if step < row or len(data) < step * message.height:
+        raise DataError(f"points: found {len(data)} bytes in rows of {step}; needed: {message.height} rows of {row} or more")
+    rows = np.ascontiguousarray(data[: step * message.height].reshape(message.height, step)[:, :row])
+    return rows.reshape(-1).view(point)
 
 
-def _image(message: Any, count: int) -> Numbers:
-    """A reading for each pixel, row by row from the top."""
-    pixels, names = pixels_of(message)
-    height, width, depth = pixels.shape
-    if height * width != count:
-        needed = f"{count} pixels, one for each taxel, or values, a function of an image; a cloud of points can have ids"
-        raise DataError(f"image: found {height} x {width} pixels; needed: {needed}")
-    return Numbers(pixels.reshape(count, depth).T.astype("f8"), names)
+def _sensors(sensors: list[Any], wanted: str) -> Frame:
+    """One of the sensors, or all of them, one after the other."""
+    np = need("numpy", "ros")
+    names = [sensor.name for sensor in sensors]
+    if len(set(names)) != len(names):
+        raise DataError(f"found the sensors {names}; needed: names that differ")
+    if wanted:
+        if wanted not in names:
+            raise DataError(f"values: found no sensor {wanted!r}; needed: one of {names}")
+        return Frame(np.asarray(sensors[names.index(wanted)].values))
+    made = Frame(np.concatenate([np.asarray(sensor.values) for sensor in sensors]))
+    made.sensors = [(sensor.name, len(sensor.values)) for sensor in sensors]
+    if len(names) > 1:
+        made.said["sensors"] = f"one after the other: {', '.join(f'{name}: {count}' for name, count in made.sensors)} taxels"
+    return made
 
 
-def pixels_of(message: Any) -> tuple[Any, list[str]]:
-    """The pixels of an image, (H, W, C), and names of the channels."""
+def _wrench(wrench: Any, wanted: str) -> Frame:
+    np = need("numpy", "ros")
+    if wanted not in ("", *WRENCH):
+        raise DataError(f"values: found no {wanted!r} of a wrench; needed: force or torque")
+    kinds = [wanted] if wanted else list(WRENCH)
+    values = np.array([[getattr(getattr(wrench, kind), axis) for kind in kinds for axis in "xyz"]], np.float64)
+    units = ["N" if kind == "force" else "N m" for kind in kinds for _ in range(3)]
+    return Frame(values, names=[f"{kind}.{axis}" for kind in kinds for axis in "xyz"], units=units)
+
+
+def _image(message: Any) -> Frame:
+    """The pixels of an image: (H, W), or (H, W, C) with names of the channels."""
     np = need("numpy", "ros")
     encoding, known = message.encoding, OPENCV.fullmatch(message.encoding)
     named = re.fullmatch(r"(mono|rgba?|bgra?)(8|16)", encoding)
@@ -153,78 +261,28 @@ def pixels_of(message: Any) -> tuple[Any, list[str]]:
     if message.step < row or len(data) < message.step * height:
         raise DataError(f"image: found {len(data)} bytes in rows of {message.step}; needed: {height} rows of {row} or more")
     pixels = np.ascontiguousarray(data[: message.step * height].reshape(height, -1)[:, :row]).view(kind)
+    pixels = pixels.reshape(height, width, depth)
     letters = named[1] if named and depth > 1 else ""
     names = list(letters) or (["image"] if depth == 1 else [f"image{k}" for k in range(depth)])
-    return pixels.reshape(height, width, depth), names
+    return Frame(pixels[:, :, 0] if depth == 1 else pixels, "pixels", names=names)
 
 
-def points_of(message: Any, names: list[str] | None) -> Numbers:
-    """A reading for each point: its field `value`, or all that are no position, normal, colour, time or id."""
+def _array(message: Any) -> Frame:
+    """The numbers of a MultiArray by its sizes; by its strides where rows are padded, which the first of them says. Some writers
+    count bytes in strides, and others nothing."""
     np = need("numpy", "ros")
-    points = table_of(message)
-    kinds = points.dtype.names
-    known = [name for name in kinds if not NOT_READ.match(name)]
-    names = names or (["value"] if "value" in kinds else known)
-    missing = [name for name in names if name not in kinds]
-    if missing or not names:
-        found = f"{missing[0]!r}" if missing else "none that can be a reading"
-        raise DataError(f"values: found {found}; needed: one of the fields {list(kinds)} of the points")
-    values = np.concatenate([points[name].astype(np.float64).T for name in names])
-    counts = {name: points[name].shape[1] for name in names}
-    titles = [name if counts[name] == 1 else f"{name}{k}" for name in names for k in range(counts[name])]
-    ids = next((points[name][:, 0].astype(np.int64) for name in ("id", "taxel_id") if name in kinds), None)
-    return Numbers(values, titles, ids)
-
-
-def table_of(message: Any) -> Any:
-    """The points of a cloud, each with its fields, (n, count) each."""
-    np = need("numpy", "ros")
-    kinds: dict[str, tuple[str, int, int]] = {}
-    for field in message.fields:
-        if field.datatype not in POINTS:
-            raise DataError(f"field {field.name!r}: found the type {field.datatype}; needed: 1 to 8")
-        kinds[field.name] = (POINTS[field.datatype], max(field.count, 1), field.offset)
-    order, width, data = ">" if message.is_bigendian else "<", message.width, np.asarray(message.data, np.uint8)
-    formats = [(f"{order}{kind}", (count,)) for kind, count, _ in kinds.values()]
-    offsets = [offset for _, _, offset in kinds.values()]
-    try:
-        point = np.dtype({"names": list(kinds), "formats": formats, "offsets": offsets, "itemsize": message.point_step})
-    except (ValueError, TypeError) as error:
-        raise DataError(f"points: found {message.point_step} bytes; needed: room for the fields {list(kinds)}: {error}") from None
-    row, step = width * message.point_step, message.row_step or width * message.point_step
-    if step < row or len(data) < step * message.height:
-        raise DataError(f"points: found {len(data)} bytes in rows of {step}; needed: {message.height} rows of {row} or more")
-    rows = np.ascontiguousarray(data[: step * message.height].reshape(message.height, step)[:, :row])
-    return rows.reshape(-1).view(point)
-
-
-def _array(message: Any, count: int) -> Numbers:
-    """The numbers of a MultiArray by its layout: the axis of channels is the one named so, else one beside the taxels."""
-    np = need("numpy", "ros")
-    layout, data = message.layout, np.asarray(message.data, dtype=np.float64)
-    sizes, offset = [int(each.size) for each in layout.dim], int(layout.data_offset)
-    labels = [str(each.label).strip().lower() for each in layout.dim]
-    flat = data[offset:]
-    shape = sizes or [len(flat)]
-    if len(flat) == np.prod(shape):
-        block = flat.reshape(shape)
-    else:
-        steps = [int(each.stride) for each in layout.dim[1:]] + [1]
-        reach = sum((size - 1) * step for size, step in zip(shape, steps))
-        if min(shape) < 1 or min(steps) < 1 or reach >= len(flat):
-            raise DataError(f"layout: found {len(data)} numbers from {offset} on; needed: those of {' x '.join(map(str, shape))}")
-        at = sum(np.arange(size).reshape([-1 if k == axis else 1 for k in range(len(shape))]) * steps[axis] for axis, size in enumerate(shape))
-        block = flat[at]
-    named = [axis for axis, label in enumerate(labels) if CHANNELS.search(label)]
-    if len(named) == 1 and len(shape) > 1:
-        block = np.moveaxis(block, named[0], 0).reshape(shape[named[0]], -1)
-    elif block.size == count:
-        block = block.reshape(1, -1)
-    elif block.size == count * shape[-1]:
-        block = block.reshape(-1, shape[-1]).T
-    elif block.size == count * shape[0]:
-        block = block.reshape(shape[0], -1)
-    if block.ndim != 2 or block.shape[1] != count:
-        found = " x ".join(f"{size} {label}".strip() for size, label in zip(shape, labels or [""]))
-        raise DataError(f"layout: found {found} numbers; needed: {count} taxels, or ids of as many as there are")
-    return Numbers(block, ["data"] if len(block) == 1 else [f"data{k}" for k in range(len(block))])
+    data, offset, dims = np.asarray(message.data), int(message.layout.data_offset), message.layout.dim
+    flat, labels = data[max(offset, 0) :], [str(each.label).strip() for each in dims]
+    shape = [int(each.size) for each in dims] or [len(flat)]
+    steps = [int(each.stride) for each in dims[1:]] + [1]
+    total, reach = 1, 1 + sum((size - 1) * step for size, step in zip(shape, steps))
+    for size in shape:
+        total *= size
+    if data.dtype.kind in "biuf" and offset >= 0 and min(shape) >= 0 and total == len(flat):
+        return Frame(flat.reshape(shape), labels=labels)
+    is_padded = dims and int(dims[0].stride) == len(flat) > total and min(*shape, *steps) > 0 and reach <= len(flat)
+    if data.dtype.kind not in "biuf" or offset < 0 or not is_padded:
+        raise DataError(f"layout: found {len(data)} numbers from {offset} on; needed: {' x '.join(map(str, shape))} of them")
+    axes = range(len(shape))
+    at = sum(np.arange(shape[axis]).reshape([-1 if axis == k else 1 for k in axes]) * steps[axis] for axis in axes)
+    return Frame(flat[at], labels=labels)

@@ -74,6 +74,11 @@ class Pool(_Gather):
     extensive : bool
         Whether readings are amounts, as forces: their total is the same on every level.
 
+    Raises
+    ------
+    DataError
+        If the map has no such level or patch, or, when it is called, values have another number of taxels.
+
     Examples
     --------
     >>> import dermatome, torch
@@ -103,15 +108,21 @@ class Draw(_Gather):
     """Draws values of the fields of a level (..., fields) as images (..., H, W): averages, or amounts per m^2 of the map where
     the renderer draws amounts.
 
-    Images are those of the renderer: a pixel with missing (NaN) values around it follows from the others. Fields are those of the whole map, as `Pool` without a patch and
-    `Map.pool` give them, also where the renderer draws one patch. As with `Pool`, no buffer is in a `state_dict`.
+    Images are those of the renderer: a pixel with missing (NaN) values around it follows from the others. Fields are those of
+    the whole map, as `Pool` without a patch and `Map.pool` give them, also where the renderer draws one patch. As with `Pool`,
+    no buffer is in a `state_dict`.
 
     Parameters
     ----------
     renderer : Renderer
         What draws the level; its channels are all amounts or all averages.
     fill : float
-        What is drawn where nothing is known; NaN by default.
+        What is drawn where nothing is known, in the unit of the images; NaN by default.
+
+    Raises
+    ------
+    DataError
+        If the renderer draws amounts and averages, or, when it is called, values have another number of fields.
 
     Examples
     --------
@@ -144,7 +155,6 @@ class Draw(_Gather):
         known = shares > 0
         drawn = torch.where(known, sums / torch.where(known, shares, torch.ones_like(shares)), torch.full_like(sums, self.fill))
         return drawn.T.reshape(*values.shape[:-1], *self.size)
-
 
     def amounts(self, values: Any) -> Any:
         """Amounts per m^2: each divided by the area of its pixels, or given to the nearest where it has none."""
@@ -187,8 +197,8 @@ class Touches(torch.utils.data.Dataset):  # type: ignore[misc, type-arg, unused-
     readings : Readings
         The recording, in the order of the map or with ids.
     truth : dict, optional
-        The contacts of these frames, as `touch` returns them, its `time` that of the frame; by default a `ContactTracker` finds them in the first channel that
-        measures touches.
+        The contacts of these frames, as `touch` returns them, its `time` that of the frame; by default a `ContactTracker`
+        finds them in the first channel that measures touches.
     level : int or str
         The level of the fields; also one of `Map.field_levels`, as "body.L0".
     size : sequence of int
@@ -196,9 +206,9 @@ class Touches(torch.utils.data.Dataset):  # type: ignore[misc, type-arg, unused-
     patch : str, optional
         The patch that they show; by default all, packed if there are several.
     fill : float
-        What is drawn where nothing is known.
+        What is drawn where nothing is known, in the unit of the images.
     threshold : float, optional
-        That of the `ContactTracker`; by default that of the file, or else estimated.
+        That of the `ContactTracker`, in the unit of the readings; by default that of the file, or else estimated.
     actions : (T, A) array_like, optional
         What a policy did in each frame: `action` (A,) float32 of the sample.
     history : int
@@ -206,6 +216,13 @@ class Touches(torch.utils.data.Dataset):  # type: ignore[misc, type-arg, unused-
         front; before the first frame is the first. 1 by default, without that axis.
     transform : callable, optional
         What is called with each sample and returns it, changed.
+
+    Raises
+    ------
+    DataError
+        If readings, truth or actions are not of these taxels and frames, or the map has no such level or patch.
+    IndexError
+        If there is no such frame, when a sample is asked for.
 
     Examples
     --------

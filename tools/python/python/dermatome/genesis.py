@@ -24,6 +24,8 @@ def probes(
 
     Parameters
     ----------
+    level : int
+        The level; a patch without it has its coarsest level.
     grid : tuple of int, optional
         Rows and columns of a regular grid over the map, the first row on top, for `ContactProbe` and `KinematicTaxel`:
         probes outside of the map have radius 0, which those take for no probe. By default the vertices of the level.
@@ -49,7 +51,7 @@ def probes(
         u = of.frame.x + (np.arange(columns) + 0.5) / columns * of.frame.width
         v = of.frame.y + (1 - (np.arange(rows) + 0.5) / rows) * of.frame.height
         places = np.stack(np.meshgrid(u, v), axis=-1)
-        points, outward, off = map.to_skin(whole.name, places.reshape(-1, 2), level=level)
+        points, outward, off = map.to_skin(whole.name, places.reshape(-1, 2), level=of.number)
         points, outward = points.reshape(rows, columns, 3), outward.reshape(rows, columns, 3)
         radii = np.where(off > 0, 0.0, size).reshape(rows, columns)
     options = {"probe_local_pos": points, "probe_radius": radii}

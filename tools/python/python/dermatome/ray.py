@@ -29,6 +29,13 @@ class Lookup:
         The level of the cells.
     threads : int
         Threads of one worker.
+
+    Raises
+    ------
+    MissingFileError, FileError
+        If the map does not exist, or cannot be read.
+    DataError
+        If the map has no such level, or a row is no place: the message says which.
     """
 
     def __init__(self, map: str | os.PathLike[str] | bytes, level: int = 0, threads: int = 1) -> None:
@@ -118,6 +125,13 @@ class Render:
         Arguments of `Map.renderer` for images, as `{"size": (64, 96), "patch": "palm"}`; None: values of fields.
     stream, layout
         As in `Readings.open`.
+
+    Raises
+    ------
+    MissingFileError, FileError
+        If the map does not exist, or the folder cannot be written.
+    DataError
+        If the map has no such level, or an argument of the renderer cannot be used.
     """
 
     def __init__(

@@ -23,7 +23,7 @@ def log(
     channel : int, optional
         The channel that is shown; by default the first that measures touches.
     limit : float, optional
-        The reading that is brightest; by default the largest.
+        What is brightest, in the unit of the readings; by default the largest value that is shown.
 
     Raises
     ------

@@ -6,20 +6,25 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
 from dermatome._adapter import fields_of, level_of, need, patch_of
-from dermatome._dermatome import Map, main_channel
+from dermatome._dermatome import Map, as_floats, main_channel
 from dermatome._errors import A_MAP, READINGS, DataError, FileError, MissingFileError, check_kind
-from dermatome._messages import Wanted, field_of, kind_of, numbers_of, points_of
+from dermatome._messages import Frame, arrays_in, field_of, frame_of, is_array, is_image, kind_of, readings_in, sensors_of, table_of
 from dermatome._readings import Readings
 from dermatome._whole import written
 from dermatome.recordings.ros import open_bag
 
 __all__ = ["read", "write"]
+
+# What `values` of `read` may be.
+Wanted = str | Sequence[str] | Callable[[Any], Any] | None
+# Labels of the axis of a MultiArray that is not of taxels.
+CHANNELS = re.compile("channel|component|^ax[ei]s|^xyz|^force|^c$")
 
 
 def read(
@@ -91,7 +96,7 @@ def read(
         kind = kind_of(message)
         own = ids(message) if callable(ids) else _named_ids(message, ids) if isinstance(ids, str) else ids
         own = None if own is None else np.asarray(own).ravel()
-        made = numbers_of(message, map, map.n_taxels if own is None else len(own), values)
+        made = _numbers_of(message, map, map.n_taxels if own is None else len(own), values)
         if own is None:
             own = made.ids
         elif len(own) != made.values.shape[1]:
@@ -112,7 +117,94 @@ def read(
 
 def _named_ids(message: Any, name: str) -> Any:
     """The ids in a field of a message or of its points."""
-    return points_of(message, [name]).values[0].astype(int) if hasattr(message, "point_step") else field_of(message, name)
+    return frame_of(message, name).values.astype(int) if hasattr(message, "point_step") else field_of(message, name)
+
+
+@dataclass
+class _Numbers:
+    """The numbers of a message as channels of taxels: (C, n), names of the channels, and ids of the n where the message has some."""
+
+    values: Any
+    names: list[str]
+    ids: Any = None
+
+
+def _numbers_of(message: Any, map: Map, count: int, wanted: Wanted) -> _Numbers:
+    """The numbers of a message that has readings of `count` taxels."""
+    np = need("numpy", "ros")
+    if callable(wanted):
+        rows = as_floats("values", wanted(message))
+        if rows.ndim not in (1, 2):
+            raise DataError(f"values: found shape {rows.shape}; needed: shape (n,) or (C, n)")
+        rows = np.atleast_2d(rows)
+        return _Numbers(rows, [f"channel{k}" for k in range(len(rows))])
+    names = _all_of(message) if wanted is None else [wanted] if isinstance(wanted, str) else list(wanted)
+    parts = [_laid(frame_of(message, name), name, map, count) for name in names]
+    lengths = [part.values.shape[1] for part in parts]
+    if len(set(lengths)) != 1:
+        raise DataError(f"values: found {lengths} numbers in {names}; needed: as many in each")
+    return _Numbers(np.concatenate([part.values for part in parts]), [name for part in parts for name in part.names], parts[0].ids)
+
+
+def _all_of(message: Any) -> list[str]:
+    """What is read of a message where nothing is named: all of it, or of points `value`, or what may be a reading."""
+    if hasattr(message, "point_step"):
+        points = table_of(message)
+        known = ["value"] if "value" in points.dtype.names else readings_in(points)
+        if not known:
+            needed = f"one of the fields {list(points.dtype.names)} of the points"
+            raise DataError(f"values: found none that can be a reading; needed: {needed}")
+        return known
+    if is_image(message) or is_array(message) or sensors_of(message):
+        return [""]
+    raise DataError(f"topic: found {kind_of(message)}; needed: values, one of its fields {arrays_in(message)}, or a function of it")
+
+
+def _laid(frame: Frame, name: str, map: Map, count: int) -> _Numbers:
+    """The numbers of a frame as channels of taxels."""
+    np = need("numpy", "ros")
+    values = np.asarray(frame.values, dtype=np.float64)
+    if frame.sensors is not None:
+        return _sensors(frame.sensors, values, map, count)
+    if frame.names is not None and values.ndim > 1 and values.shape[-1] == len(frame.names):
+        block = values.reshape(-1, len(frame.names)).T
+    else:
+        is_one = values.ndim == 1 or frame.word == "pixels"
+        block = values.reshape(1, -1) if is_one else _channels_first(values, frame.labels or [], count)
+    # A list of numbers or points may be of other taxels, which ids say.
+    is_grid = values.ndim > 1 and frame.word != "points" or frame.labels is not None
+    if block.shape[1] != count and frame.ids is None and is_grid:
+        sizes = " x ".join(f"{size} {label}".strip() for size, label in zip(values.shape, frame.labels or [""] * values.ndim))
+        argument = "layout" if frame.labels else "values" if name else "topic"
+        raise DataError(f"{argument}: found {sizes} {frame.word}; needed: {count}, one for each taxel, or ids of as many as there are")
+    names = frame.names or ([name or "data"] if len(block) == 1 else [f"{name or 'data'}{k}" for k in range(len(block))])
+    return _Numbers(block, names, frame.ids)
+
+
+def _channels_first(values: Any, labels: list[str], count: int) -> Any:
+    """A block of numbers with its axis of channels first, the one named so or else one beside the taxels, and one of taxels."""
+    np = need("numpy", "ros")
+    named = [axis for axis, label in enumerate(labels) if CHANNELS.search(label.lower())]
+    if len(named) == 1:
+        return np.moveaxis(values, named[0], 0).reshape(values.shape[named[0]], -1)
+    if values.size == count * values.shape[-1] and values.size != count:
+        return values.reshape(-1, values.shape[-1]).T
+    if values.size == count * values.shape[0] and values.size != count:
+        return values.reshape(values.shape[0], -1)
+    return values.reshape(1, -1)
+
+
+def _sensors(sensors: list[tuple[str, int]], values: Any, map: Map, count: int) -> _Numbers:
+    """Sensors are patches of these names, or channels of all taxels, or parts of the taxels, one after the other."""
+    np = need("numpy", "ros")
+    names, lengths, patches = [name for name, _ in sensors], [length for _, length in sensors], map.patches
+    if all(name in patches for name in names) and lengths == [patches[name].n_taxels for name in names]:
+        return _Numbers(values[None], ["tactile"], np.concatenate([patches[name].ids for name in names]))
+    if set(lengths) == {count}:
+        return _Numbers(values.reshape(len(sensors), count), names)
+    if sum(lengths) == count:
+        return _Numbers(values[None], ["tactile"])
+    raise DataError(f"topic: found sensors of {lengths} numbers; needed: {count} in each or {count} in all")
 
 
 def _messages(path: Any, topic: str, definitions: Mapping[str, str] | None) -> Iterator[tuple[int, Any]]:

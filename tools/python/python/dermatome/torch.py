@@ -13,8 +13,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Draw", "Pool", "Touches", "pixels", "pooling", "tensor"]
 
-__all__ = ["Draw", "Pool", "Touches", "pixels", "pooling", "tensor"]
-
 
 def __getattr__(name: str) -> Any:
     # The classes inherit from those of torch, which is imported when one of them is asked for.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -137,7 +138,7 @@ class ZarrTrack(Track):
         zeros = None if zero is None else self.container.array(zero, self.array.name)
         if zeros is not None:
             zeros.complete()
-        starts = [0, *(sum(self.episodes[: k + 1]) for k in range(len(self.episodes)))]
+        starts = [0, *itertools.accumulate(self.episodes)]
         for number in chosen(self.path, self.episodes, episode):
             for start in range(starts[number], starts[number + 1], frames):
                 stop = min(start + frames, starts[number + 1])

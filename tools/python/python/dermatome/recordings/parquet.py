@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
 from collections.abc import Iterator
@@ -49,6 +50,8 @@ class LeRobot(Container):
         # Each data file with the first of its episodes, None where that is not known.
         self.files: dict[Path, int | None] = {}
         self.columns: set[str] = set()
+        # The last file that was opened, and its metadata: those of a file of many episodes are large.
+        self.last: tuple[Path | None, Any] = (None, None)
         self._find(version)
 
     def wrong(self, what: str, found: Any, needed: str) -> DataError:
@@ -116,7 +119,10 @@ class LeRobot(Container):
         """A Parquet file."""
         pq, arrow = need("pyarrow.parquet", "parquet"), need("pyarrow", "parquet")
         try:
-            return pq.ParquetFile(path, thrift_string_size_limit=1 << 27, thrift_container_size_limit=1 << 24)
+            known = self.last[1] if self.last[0] == path else None
+            file = pq.ParquetFile(path, metadata=known, thrift_string_size_limit=1 << 27, thrift_container_size_limit=1 << 24)
+            self.last = (path, file.metadata)
+            return file
         except (OSError, arrow.ArrowException) as error:
             raise FileError(f"{path}: found no Parquet file that can be read: {error}; needed: the file as it was written", "parquet") from error
 
@@ -192,8 +198,15 @@ class LeRobotTrack(Track):
         if not wanted:
             return
         files, last = self._files(wanted)
+        left_out = self._groups_before(files[0], wanted[0]) if len(wanted) == 1 else 0
+        last = wanted[0] - 1 if left_out else last
         at, origin = self.episodes[last] if last >= 0 else 0, 0.0
-        for path, batch in self._batches(files, columns, max(1, min(frames, NUMBERS // max(math.prod(self.cells), 1)))):
+        for path, batch in self._batches(files, columns, max(1, min(frames, NUMBERS // max(math.prod(self.cells), 1))), left_out):
+            if left_out and last < wanted[0]:
+                # The group in which an episode begins has the end of the one before.
+                batch = batch.slice(int(np.searchsorted(self._column(path, batch, "episode_index"), wanted[0])))
+                if not len(batch):
+                    continue
             episodes, counter = (self._column(path, batch, name) for name in ("episode_index", "frame_index"))
             stamps = self._column(path, batch, "timestamp")
             if self.joined:
@@ -235,6 +248,20 @@ class LeRobotTrack(Track):
         start = max((firsts[path] for path in kept), default=0)
         return [path for path in files if firsts[path] >= start], start - 1
 
+    def _groups_before(self, path: Path, number: int) -> int:
+        """How many groups of rows of a file are before an episode, as their statistics say."""
+        about = self.dataset.open(path).metadata
+        names = [about.row_group(0).column(k).path_in_schema for k in range(about.num_columns)] if about.num_row_groups else []
+        if "episode_index" not in names:
+            return 0
+        column = names.index("episode_index")
+
+        def is_before(group: int) -> bool:
+            said = about.row_group(group).column(column).statistics
+            return bool(said is not None and said.has_min_max and said.max < number)
+
+        return sum(1 for _ in itertools.takewhile(is_before, range(about.num_row_groups)))
+
     def _order(self, path: Any, last: int, at: int, number: int) -> DataError:
         said = self.episodes[last] if 0 <= last < len(self.episodes) else 0
         found = f"{at} frames of episode {last}, then episode {number}" if last >= 0 else f"episode {number} first"
@@ -253,7 +280,8 @@ class LeRobotTrack(Track):
             found = f"timestamp {seconds[row]:.6g} s after the first in frame {at + row}"
             raise DataError(f"{path}: episode {number}: found {found}; needed: {expected[row]:.6g}, as fps {fps:g} of meta/info.json says")
 
-    def _batches(self, files: list[Path], columns: list[str], rows: int) -> Iterator[tuple[Path, Any]]:
+    def _batches(self, files: list[Path], columns: list[str], rows: int, left_out: int = 0) -> Iterator[tuple[Path, Any]]:
+        """Some rows at a time, but for the first groups of the first file."""
         arrow = need("pyarrow", "parquet")
         for path in files:
             file = self.dataset.open(path)
@@ -261,7 +289,7 @@ class LeRobotTrack(Track):
             if missing:
                 raise DataError(f"{path}: found no column {missing[0]!r}; needed: one of {', '.join(file.schema_arrow.names[:40])}")
             # pyarrow keeps the columns of a file that it goes through as a whole.
-            groups = range(file.num_row_groups)
+            groups = range(left_out if path == files[0] else 0, file.num_row_groups)
             batches = (batch for group in groups for batch in file.iter_batches(rows, row_groups=[group], columns=columns, use_threads=False))
             while True:
                 try:

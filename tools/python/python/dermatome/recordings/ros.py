@@ -18,8 +18,7 @@ from typing import Any
 
 from dermatome._adapter import need
 from dermatome._errors import DataError, FileError
-from dermatome._messages import DEFINITIONS
-from dermatome.recordings._message import Frame, frame_of, fields_of_message
+from dermatome._messages import DEFINITIONS, Frame, fields_of_message, frame_of
 from dermatome.recordings._track import MOST_BYTES, MOST_JSON, Block, Container, Track, small_enough
 
 HEADER, LOG = ("header", "stamp", "header.stamp"), ("log", "bag", "recording")
@@ -67,7 +66,7 @@ class Bag(Container):
         first = self.frame(message, topic, wanted, 0)
         small_enough(self.path, stream, first.values.shape, first.values.dtype.itemsize)
         says = {key: value for key, value in (("axes", first.axes), ("unit", first.unit), ("units", first.units)) if value}
-        if first.ids is not None and first.ids_are_of_taxels:
+        if first.ids is not None:
             says["ids"] = first.ids.tolist()
         made = BagTrack(self.path, stream, first.values.shape, first.values.dtype.str, (self.counts[topic],), says, bag=self, topic=topic, wanted=wanted)
         made.first = first
@@ -150,8 +149,9 @@ class BagTrack(Track):
         """The numbers in the order of the first message, by their ids."""
         np, first = need("numpy", "ros"), self.first
         where = f"{self.path}: message {number} of {self.topic}"
-        if frame.names != first.names:
-            raise DataError(f"{where}: found {frame.names}; needed: {first.names} as in the first message")
+        for found, needed in ((frame.names, first.names), (frame.sensors, first.sensors)):
+            if found != needed:
+                raise DataError(f"{where}: found {found}; needed: {needed} as in the first message")
         if frame.unit != first.unit:
             raise DataError(f"{where}: found the unit {frame.unit!r}; needed: {first.unit!r} as in the first message")
         if first.ids is None:

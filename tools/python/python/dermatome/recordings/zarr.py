@@ -97,6 +97,8 @@ class Array:
         self.folder = f"{name}/" if name else ""
         # Chunks that are not stored and were read as the fill value.
         self.filled: set[str] = set()
+        # What `complete` has found: a store of many files is not searched for each episode.
+        self.is_complete: dict[bool, bool] = {}
         self.may_fill: bool | None = None
         self.dtype: Any = np.dtype("u1")
         self.shape: Any = ()
@@ -174,7 +176,7 @@ class Array:
 
     def complete(self, constant: bool = False) -> None:
         """Refuses an array of which a chunk is missing that may be lost. A constant may have none."""
-        if 0 in self.shape:
+        if 0 in self.shape or self.is_complete.get(constant):
             return
         counts = [math.ceil(size / chunk) for size, chunk in zip(self.shape, self.chunk)]
         # Names are counted first: a shape can claim more chunks than could be listed.
@@ -182,13 +184,15 @@ class Array:
         found = sum(name.startswith(first) and name[len(first) :].replace(self.separator, "").isdigit() for name in self.store.names)
         known = self._known(counts) if math.prod(counts) <= max(found, MOST_CHUNKS) else {}
         missing = next((key for key, there in known.items() if not there), None)
-        if known and missing is None:
+        self.is_complete[constant] = bool(known) and missing is None
+        if self.is_complete[constant]:
             return
         is_whole = bool(known) and sum(known.values()) == found and self.fill is not None
         if not is_whole or not (found or constant) or (found and not self._may_fill()):
             which = f"no chunk {self._file(missing)}" if missing and found >= len(known) else f"{found} chunks"
             needed = f"all {math.prod(counts)}; readers of Zarr give fill values for the others, which look like readings; copy the file again"
             raise DataError(f"{self.where}: found {which}; needed: {needed}")
+        self.is_complete[constant] = True
 
     def _known(self, counts: list[int]) -> dict[tuple[int, ...], bool]:
         """Whether each chunk is stored."""
