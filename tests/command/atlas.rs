@@ -198,7 +198,9 @@ fn what_does_not_fit_is_refused() {
     fs::write(at.join("twice.csv"), "taxel_id,atlas_taxel_id\n1,1\n1,5\n9,9\n100,100\n").unwrap();
     refuses(at, &format!("{build} --landmarks twice.csv"), &["line 2 of", "line 3 of", "one place"]);
     fs::write(at.join("unknown.csv"), "taxel_id,atlas_taxel_id\n1,1\n777,5\n").unwrap();
-    refuses(at, &format!("{build} --landmarks unknown.csv"), &["line 3", "taxel_id", "777"]);
+    refuses(at, &format!("{build} --landmarks unknown.csv"), &["line 3", "taxel_id", "777", "of the skin"]);
+    fs::write(at.join("unknown.csv"), "taxel_id,atlas_taxel_id\n1,1\n5,777\n").unwrap();
+    refuses(at, &format!("{build} --landmarks unknown.csv"), &["line 3", "777", "of the atlas"]);
     fs::write(at.join("none.csv"), "taxel_id,atlas_taxel_id\n").unwrap();
     refuses(at, &format!("{build} --landmarks none.csv"), &["no row"]);
     dermatome(at, "build skin.glb -o free -q").assert().success();

@@ -409,7 +409,11 @@ fn a_closed_skin_is_cut_along_the_seam_of_its_atlas() {
         atlas: (PatchId::new(0), v),
     };
     let marks = Landmarks::Taxels(rows.map(landmark).collect());
-    let seams = carried_seams(&skin, &atlas, &marks).unwrap();
+    let carried = |skin: &Skin, atlas: &SkinMap, landmarks: &Landmarks| {
+        let onto = Onto { atlas, name: "other", hash: 0, landmarks, is_mirrored: false };
+        carried_seams(skin, &onto).unwrap()
+    };
+    let seams = carried(&skin, &atlas, &marks);
     assert!(seams.len() > 5, "{seams:?}");
     let spacing = 0.012;
     for id in seams.iter().flatten() {
@@ -438,5 +442,90 @@ fn a_closed_skin_is_cut_along_the_seam_of_its_atlas() {
     errors.sort_by(f64::total_cmp);
     assert!(errors.len() > 8 && errors[errors.len() / 2] < 0.5 * spacing, "{errors:?}");
     // A skin with a boundary keeps its own cut.
-    assert!(carried_seams(&PAIR.skin, &PAIR.atlas, &marks_at(&PLACES)).unwrap().is_empty());
+    assert!(carried(&PAIR.skin, &PAIR.atlas, &marks_at(&PLACES)).is_empty());
+}
+
+/// A closed hand: a ball of `fine` with five prongs, turned by `turn` before they grow, so that its triangles are others;
+/// also where the vertices are on the ball.
+fn star(fine: u32, turn: f64) -> (TriMesh, Vec<DVec3>) {
+    let mut mesh = shapes::ball(fine, 1.0);
+    let turn = glam::DQuat::from_axis_angle(DVec3::new(1.0, 2.0, 2.0) / 3.0, turn);
+    let on_ball: Vec<DVec3> = mesh.positions.iter().map(|&p| turn * p).collect();
+    for (at, p) in mesh.positions.iter_mut().zip(&on_ball) {
+        let prong = |k: u32| {
+            let tip = DVec2::from_angle(0.9 * f64::from(k) + 0.2 * f64::from(k % 2)).extend(0.1);
+            1.4 * (-(p.angle_between(tip) / 0.3).powi(2)).exp()
+        };
+        *at = 0.03 * (1.0 + (0..5).map(prong).sum::<f64>()) * *p * DVec3::new(1.0, 1.0, 0.6);
+    }
+    (mesh, on_ball)
+}
+
+/// A closed hand with other triangles, other proportions and a bend lies on the map of another one, also of the other side:
+/// its seam has the same ends and branches, its rim lies on that of the atlas, and nearly all of its taxels lie at their
+/// places in space.
+#[test]
+fn a_closed_hand_lies_on_one_with_other_triangles() {
+    let (theirs, on_ball) = star(14, 0.0);
+    let atlas = built(&Skin::from_mesh("hand", theirs.clone())).map;
+    let finest = uv(&atlas);
+    let cut = finest.cut.as_ref().unwrap();
+    let of_degree = |map: &SkinMap, degree: usize| {
+        let level = uv(map);
+        let mut degrees = vec![0; level.level.mesh.positions.len()];
+        level.seam().iter().flatten().for_each(|v| degrees[v.index()] += 1);
+        degrees.into_iter().filter(|found| *found == degree).count()
+    };
+    let on_seam: Vec<VertexId> = cut.unsplit.iter().skip(theirs.positions.len()).copied().collect();
+    for is_mirrored in [false, true] {
+        let (mut own, mut places) = star(12, 0.7);
+        for p in own.positions.iter_mut() {
+            *p = DVec3::new(1.15 * p.x + 0.1 * p.y, 0.9 * p.y, p.z - 4.0 * p.x * p.x);
+        }
+        if is_mirrored {
+            own.positions.iter_mut().for_each(|p| p.y = -p.y);
+            own.triangles.iter_mut().for_each(|corners| corners.swap(0, 1));
+        }
+        let skin = Skin::from_mesh("hand", own);
+        let nearest = |of: &[DVec3], at: DVec3| {
+            let far = |v: &usize| of[*v].distance_squared(at);
+            VertexId::new((0..of.len()).min_by(|a, b| far(a).total_cmp(&far(b))).unwrap())
+        };
+        // The vertices of the atlas that have one of the skin near them on the ball, away from the seam.
+        let is_beside =
+            |v: VertexId| on_seam.iter().any(|w| on_ball[v.index()].distance(on_ball[w.index()]) < 0.2);
+        let pairs = theirs.positions.ids().map(|v| (v, nearest(&places, on_ball[v.index()])));
+        let pairs: Vec<(VertexId, VertexId)> = pairs
+            .filter(|&(v, w)| !is_beside(v) && places[w.index()].distance(on_ball[v.index()]) < 0.04)
+            .collect();
+        assert!(pairs.len() > 40, "{}", pairs.len());
+        let row = |&(v, w): &(VertexId, VertexId)| Landmark {
+            name: format!("taxel {w}"),
+            taxel: (PatchId::new(0), w),
+            atlas: (PatchId::new(0), v),
+        };
+        let marks = Landmarks::Taxels(pairs.iter().step_by(pairs.len() / 20).map(row).collect());
+        let other = Onto { atlas: &atlas, name: "other", hash: 0, landmarks: &marks, is_mirrored };
+        let seams = carried_seams(&skin, &other).unwrap();
+        let options = BuildOptions { cut: Cut::Along(seams), ..BuildOptions::default() };
+        let free = build_with(&skin, &options, Run::default()).unwrap().map;
+        for degree in [1, 3, 4, 5] {
+            let [found, needed] = [&free, &atlas].map(|map| of_degree(map, degree));
+            assert_eq!(found, needed, "vertices where {degree} edges of the seam meet");
+        }
+        let (map, registered) = onto(&free, &atlas, &marks, is_mirrored).unwrap();
+        assert!(registered.patches[0].folding.is_empty(), "{:?}", registered.patches[0].folding);
+        let mut far = Vec::new();
+        let turn = |at: DVec2| if is_mirrored { DVec2::new(-at.x, at.y) } else { at };
+        let level = uv(&map);
+        places = level.unsplit().unwrap().iter().map(|v| places[v.index()]).collect();
+        for (place, &at) in level.uv.enumerate() {
+            let far_from = |other: &PlaceId| finest.uv[*other].distance_squared(turn(at));
+            let near = finest.uv.ids().min_by(|a, b| far_from(a).total_cmp(&far_from(b))).unwrap();
+            far.push(places[place.index()].distance(on_ball[finest.vertex_of(near).index()]));
+        }
+        far.sort_by(f64::total_cmp);
+        let [median, most] = [far[far.len() / 2], far[far.len() * 99 / 100]];
+        assert!(median < 0.1 && most < 0.35, "{median} and {most} of the radius of the ball");
+    }
 }

@@ -199,7 +199,7 @@ pub(crate) fn build(
         let mut options = options;
         if let Some(onto) = onto.as_ref().filter(|_| options.cut == Cut::Auto) {
             let landmarks = onto.landmarks(skin.patches.iter().map(|patch| (&*patch.name, &patch.taxels)))?;
-            let seams = carried_seams(&skin, &onto.atlas, &landmarks)?;
+            let seams = carried_seams(&skin, &onto.onto(&landmarks)?)?;
             if !seams.is_empty() {
                 options.cut = Cut::Along(seams);
             }
@@ -295,12 +295,14 @@ impl OnAtlas {
         skin: &Skin,
         options: &BuildOptions,
     ) -> Result<Registered, dermatome::Error> {
-        let atlas = &*self.atlas;
         let map = Arc::clone(&built.map);
         let landmarks = self.landmarks(map.patches.iter().map(|patch| (&*patch.name, &patch.taxels)))?;
+        built.register(skin, options, &self.onto(&landmarks)?)
+    }
+
+    fn onto<'a>(&'a self, landmarks: &'a Landmarks) -> Result<Onto<'a>, dermatome::Error> {
+        let atlas = &*self.atlas;
         let name = atlas.patches.iter().next().map_or("", |patch| &patch.name);
-        let (hash, is_mirrored) = (map_hash(atlas)?, self.is_mirrored);
-        let onto = Onto { atlas, name, hash, landmarks: &landmarks, is_mirrored };
-        built.register(skin, options, &onto)
+        Ok(Onto { atlas, name, hash: map_hash(atlas)?, landmarks, is_mirrored: self.is_mirrored })
     }
 }

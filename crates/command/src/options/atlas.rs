@@ -35,13 +35,15 @@ pub(crate) struct AtlasArgs {
 pub(crate) struct AtlasMap {
     name: String,
     map: SkinMap,
+    hash: u64,
 }
 
 impl AtlasArgs {
     /// Reads the map of the other skin, if one is asked for.
     pub(crate) fn read(&self) -> Result<Option<AtlasMap>, Error> {
         let Some(path) = &self.atlas else { return Ok(None) };
-        Ok(Some(AtlasMap { name: atlas_name(path), map: read_map(path)? }))
+        let map = read_map(path)?;
+        Ok(Some(AtlasMap { name: atlas_name(path), hash: map_hash(&map)?, map }))
     }
 
     /// The seams of the atlas on the closed patches of a skin: how to cut it, unless that is given.
@@ -54,7 +56,7 @@ impl AtlasArgs {
         let common = Common { quiet: true, ..common.clone() };
         let own = skin.patches.iter().map(|patch| (&*patch.name, &patch.taxels));
         let Some(landmarks) = self.landmarks(own, atlas, &common)? else { return Ok(None) };
-        let seams = carried_seams(skin, &atlas.map, &landmarks).map_err(Error::from)?;
+        let seams = carried_seams(skin, &self.onto(atlas, &landmarks)).map_err(Error::from)?;
         Ok((!seams.is_empty()).then_some(Cut::Along(seams)))
     }
 
@@ -96,15 +98,13 @@ impl AtlasArgs {
                 }
             }
         }
-        let onto = Onto {
-            atlas: &atlas.map,
-            name: &atlas.name,
-            hash: map_hash(&atlas.map).map_err(Error::from)?,
-            landmarks: &landmarks,
-            is_mirrored: self.mirror,
-        };
-        note_registered(&built.register(skin, options, &onto)?, common);
+        note_registered(&built.register(skin, options, &self.onto(atlas, &landmarks))?, common);
         Ok(())
+    }
+
+    fn onto<'a>(&self, atlas: &'a AtlasMap, landmarks: &'a Landmarks) -> Onto<'a> {
+        let AtlasMap { name, map, hash } = atlas;
+        Onto { atlas: map, name, hash: *hash, landmarks, is_mirrored: self.mirror }
     }
 }
 

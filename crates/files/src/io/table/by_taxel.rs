@@ -35,7 +35,7 @@ pub fn read_acuities(path: &Path, skin: &mut Skin) -> Result<Vec<String>, IoErro
     let homes = Homes::new(skin.patches.enumerate().map(|(id, patch)| (id, &patch.taxels)));
     let mut acuities = skin.patches.map(|patch| IdVec::filled(None, patch.taxels.ids.len()));
     let unused = each_row_of(path, ["taxel_id", "factor"], &mut |row, [id, factor]| {
-        let (patch, vertex) = homes.of(row, id)?;
+        let (patch, vertex) = homes.of(row, id, "the skin")?;
         let found = row.number(factor)?;
         if !FACTORS.contains(&found) {
             return Err(row.invalid(factor, "a number from 0.01 to 100"));
@@ -65,10 +65,10 @@ impl Homes {
         Self(homes)
     }
 
-    /// The taxel whose id is in a cell.
-    pub(super) fn of(&self, row: Row<'_>, id: usize) -> Result<(PatchId, VertexId), IoError> {
+    /// The taxel whose id is in a cell; `whose` taxels these are is said in errors.
+    pub(super) fn of(&self, row: Row<'_>, id: usize, whose: &str) -> Result<(PatchId, VertexId), IoError> {
         match self.0.get(&row.taxel(id)?) {
-            None => Err(row.invalid(id, "the id of a taxel of the skin")),
+            None => Err(row.invalid(id, format!("the id of a taxel of {whose}"))),
             Some((patch, vertex, 1)) => Ok((*patch, *vertex)),
             Some((_, _, count)) => Err(row.invalid(id, format!("the id of one taxel, not of {count}"))),
         }

@@ -32,8 +32,9 @@ pub fn read_landmarks<'a>(
     let [id, other] = table.columns.need_vector([COLUMNS[0], COLUMNS[1]])?;
     let [called, patch, other_patch] = [2, 3, 4].map(|k: usize| table.columns.find(COLUMNS[k]));
     let unused = table.columns.unused(&COLUMNS);
-    let skin = Ids::new(own, patch);
-    let of_atlas = Ids::new(atlas.patches.iter().map(|patch| (&*patch.name, &patch.taxels)), other_patch);
+    let skin = Ids::new(own, patch, "the skin");
+    let of_atlas =
+        Ids::new(atlas.patches.iter().map(|patch| (&*patch.name, &patch.taxels)), other_patch, "the atlas");
     let rows = table.rows(|row| {
         let line = format!("line {} of {}", row.at.line, path.display());
         let called = called.map(|column| row.text(column)).filter(|name| !name.is_empty());
@@ -51,25 +52,30 @@ struct Ids<'a> {
     all: Homes,
     patches: HashMap<&'a str, Homes>,
     column: Option<usize>,
+    whose: &'static str,
 }
 
 impl<'a> Ids<'a> {
-    fn new(patches: impl IntoIterator<Item = (&'a str, &'a Taxels)>, column: Option<usize>) -> Self {
+    fn new(
+        patches: impl IntoIterator<Item = (&'a str, &'a Taxels)>,
+        column: Option<usize>,
+        whose: &'static str,
+    ) -> Self {
         let patches: Vec<(PatchId, (&str, &Taxels))> =
             patches.into_iter().enumerate().map(|(k, patch)| (PatchId::new(k), patch)).collect();
         let all = Homes::new(patches.iter().map(|(id, (_, taxels))| (*id, *taxels)));
         let named = patches.iter().filter(|_| column.is_some());
         let patches = named.map(|&(id, (name, taxels))| (name, Homes::new([(id, taxels)]))).collect();
-        Self { all, patches, column }
+        Self { all, patches, column, whose }
     }
 
     fn taxel(&self, row: Row<'_>, id: usize) -> Result<(PatchId, VertexId)> {
         let Some((column, name)) =
             self.column.map(|column| (column, row.text(column))).filter(|(_, name)| !name.is_empty())
         else {
-            return self.all.of(row, id);
+            return self.all.of(row, id, self.whose);
         };
         let patch = self.patches.get(name).ok_or_else(|| row.invalid(column, "the name of a patch"))?;
-        patch.of(row, id)
+        patch.of(row, id, self.whose)
     }
 }

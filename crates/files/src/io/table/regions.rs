@@ -47,7 +47,7 @@ fn read_table(path: &Path, map: &mut SkinMap) -> Result<Vec<String>, IoError> {
     let homes = Homes::new(map.patches.enumerate().map(|(id, patch)| (id, &patch.taxels)));
     let mut seen = HashSet::new();
     let unused = each_row_of(path, ["taxel_id", "region"], &mut |row, [id, region]| {
-        let taxel = homes.of(row, id)?;
+        let taxel = homes.of(row, id, "the skin")?;
         if !seen.insert(taxel) {
             return Err(row.invalid(id, "an id that no earlier line names"));
         }
