@@ -21,12 +21,15 @@ pub(super) enum Bent {
     Folds(DVec2),
 }
 
-/// Bends a map of a mesh, which has no flips, so that each held vertex comes to its place.
+/// Bends a map of a mesh, which has no flips, so that each landmark and each vertex of `banks` comes to its place. Those of
+/// the banks may be moved further where rims cross.
 pub(super) fn bend(
     mesh: &TriMesh,
     map: &IdVec<VertexId, DVec2>,
-    held: &[(VertexId, DVec2)],
+    landmarks: &[(VertexId, DVec2)],
+    banks: &[(VertexId, DVec2)],
 ) -> Result<Bent, SparseError> {
+    let held = [landmarks, banks].concat();
     let vertices: Vec<VertexId> = held.iter().map(|&(v, _)| v).collect();
     let bending = Bending::new(&mesh.triangles, map, &vertices)?;
     let crossings = distortion(mesh, map).crossings;
@@ -54,7 +57,7 @@ pub(super) fn bend(
         held.iter().for_each(|&(v, to)| uv[v] = to);
         match fold.or_else(|| first_flip(mesh, &uv)) {
             None if distortion(mesh, &uv).crossings <= crossings => return Ok(Bent::Done(uv, steps)),
-            None if moved_apart(mesh, &mut uv, &vertices)?
+            None if moved_apart(mesh, &mut uv, &vertices[..landmarks.len()])?
                 && distortion(mesh, &uv).crossings <= crossings =>
             {
                 return Ok(Bent::Done(uv, steps));
@@ -173,7 +176,7 @@ mod tests {
         let by = field.displacement(&map, &moves).unwrap();
         let crossed: IdVec<VertexId, DVec2> = map.iter().zip(&by).map(|(at, by)| *at + *by).collect();
         assert!(distortion(&mesh, &crossed).crossings > 0, "the field alone makes the rims cross");
-        let Bent::Done(uv, _) = bend(&mesh, &map, &held).unwrap() else { panic!("it folds") };
+        let Bent::Done(uv, _) = bend(&mesh, &map, &held, &[]).unwrap() else { panic!("it folds") };
         let measured = distortion(&mesh, &uv);
         assert_eq!((measured.flips, measured.crossings), (0, 0));
         assert!(held.iter().all(|&(v, to)| uv[v].distance(to) < 1e-12));

@@ -10,8 +10,10 @@
 //!    (`field`). Rims that come to cross each other, as those of two fingers, are moved apart. Where one step folds a
 //!    face or that does not help, the map is bent in up to eight, each on the map of the last; where that folds, too, the
 //!    landmark nearest to the fold is left out.
+//!    A closed skin whose seam has the shape of that of its atlas is bent so that its banks, too, come to those of the atlas
+//!    (`banks`), unless that folds the map.
 //! 3. **Levels**: a coarser level is placed alike, and each vertex moves as the taxel at its centre. Where that folds,
-//!    it takes the place of its taxel.
+//!    it takes the place of its taxel, or is bent so that its rim does.
 //!
 //! A penalty for landmarks in the energy of the free map keeps the stretch near the landmarks; the field spreads it: of
 //! 16 pairs of hands with 13 landmarks, taxels missed their places by 0.67 mm in the median, and by 1.6 mm so
@@ -33,8 +35,9 @@
 //! # Files in reading order
 //!
 //! `landmarks` (what is the same), `place` (similarity), `field`, `contradict` (landmarks that are exchanged or far off),
-//! `bend`; `seam`.
+//! `bend`; `seam` and `banks` (closed skins).
 
+mod banks;
 mod bend;
 mod contradict;
 mod error;
@@ -49,13 +52,15 @@ use glam::DVec2;
 
 use crate::cut::PlaceId;
 use crate::id::{IdVec, VertexId};
-use crate::map::{MapLevel, OnAtlas, OnPatch, PatchMap, SkinMap};
+use crate::map::{OnAtlas, OnPatch, PatchMap, SkinMap};
+use crate::mesh::{TriMesh, boundary_loops};
 use crate::pyramid::LevelId;
 pub use contradict::Doubt;
 pub use error::RegistrationError;
 pub use landmarks::{Landmark, Landmarks};
 pub use seam::carried_seams;
 
+use banks::bank_marks;
 use bend::{Bent, bend, first_flip};
 use contradict::contradictions;
 use landmarks::{FEWEST, Mark, marks_of, placing};
@@ -177,8 +182,10 @@ pub fn register(map: &mut SkinMap, onto: &Onto<'_>) -> Result<Registered, Regist
             patch.levels.iter().map(|level| level.uv.map(|&at| fit.apply(at))).collect();
         let squares = marks.marks.iter().map(|mark| placed[0][mark.place].distance_squared(mark.to));
         let missed = (squares.sum::<f64>() / found as f64).sqrt();
+        let of_atlas = &atlas.patches[marks.atlas].levels[LevelId::new(0)];
+        let banks = bank_marks(finest, &placed[0], of_atlas, is_mirrored);
         let BentPatch { uv, landmarks, folding, steps, doubtful } =
-            bend_patch(patch, finest, &placed[0], &marks.marks)?;
+            bend_patch(patch, &placed[0], &marks.marks, &banks)?;
         let mut bent = patch.clone();
         bend_levels(&mut bent, placed, uv);
         let name = atlas.patches[marks.atlas].name.clone();
@@ -224,13 +231,18 @@ struct BentPatch {
     doubtful: Option<Doubt>,
 }
 
-/// The finest map bent, with as many of the landmarks as keep it from folding.
+/// Of the places along a seam, each of so many is held at first, then, where the map folds, of so many: see [`bank_marks`].
+/// *Heuristic*
+const BANKS: [usize; 2] = [2, 8];
+
+/// The finest map bent, with as many of the landmarks as keep it from folding, and with the banks of its seam.
 fn bend_patch(
     patch: &PatchMap,
-    finest: &MapLevel,
     placed: &IdVec<PlaceId, DVec2>,
     marks: &[Mark],
+    banks: &[(PlaceId, DVec2)],
 ) -> Result<BentPatch, RegistrationError> {
+    let finest = &patch.levels[LevelId::new(0)];
     let mesh = &*finest.opened();
     let placed: IdVec<VertexId, DVec2> = placed.clone().reindexed();
     if first_flip(mesh, &placed).is_some() {
@@ -240,11 +252,18 @@ fn bend_patch(
     let free = finest.opened_uv();
     let doubtful = contradictions(&patch.name, mesh, [&free, &placed], marks)?;
     let mut marks: Vec<&Mark> = marks.iter().collect();
+    let system = |source| RegistrationError::System { patch: patch.name.clone(), source };
+    let held = |marks: &[&Mark]| marks.iter().map(|mark| (mark.place.opened(), mark.to)).collect::<Vec<_>>();
+    for every in BANKS.into_iter().filter(|_| !banks.is_empty()) {
+        let along: Vec<_> = banks.iter().step_by(every).map(|&(place, to)| (place.opened(), to)).collect();
+        if let Bent::Done(uv, steps) = bend(mesh, &placed, &held(&marks), &along).map_err(system)? {
+            let (uv, landmarks) = (uv.reindexed(), marks.len());
+            return Ok(BentPatch { uv, landmarks, folding: Vec::new(), steps, doubtful });
+        }
+    }
     let mut folding = Vec::new();
     loop {
-        let held: Vec<_> = marks.iter().map(|mark| (mark.place.opened(), mark.to)).collect();
-        let system = |source| RegistrationError::System { patch: patch.name.clone(), source };
-        match bend(mesh, &placed, &held).map_err(system)? {
+        match bend(mesh, &placed, &held(&marks), &[]).map_err(system)? {
             Bent::Done(uv, steps) => {
                 let (uv, landmarks) = (uv.reindexed(), marks.len());
                 return Ok(BentPatch { uv, landmarks, folding, steps, doubtful });
@@ -283,13 +302,40 @@ fn bend_levels(patch: &mut PatchMap, placed: Vec<IdVec<PlaceId, DVec2>>, uv: IdV
             });
             let moved: IdVec<PlaceId, DVec2> = moved.collect();
             let mesh = level.opened();
-            level.uv = if first_flip(&mesh, &moved.clone().reindexed()).is_none() {
+            let is_upright =
+                |uv: &IdVec<PlaceId, DVec2>| first_flip(&mesh, &uv.clone().reindexed()).is_none();
+            level.uv = if is_upright(&moved) {
                 moved
             } else {
-                placed_level.enumerate().map(|(place, &at)| uv[of_taxel(place, at)]).collect()
+                let of_taxels: IdVec<PlaceId, DVec2> =
+                    placed_level.enumerate().map(|(place, &at)| uv[of_taxel(place, at)]).collect();
+                match is_upright(&of_taxels) {
+                    true => of_taxels,
+                    false => bent_by_rim(&mesh, placed_level, &of_taxels).unwrap_or(of_taxels),
+                }
             };
         }
         let pixel = level.frame.size.x / f64::from(level.frame.size_px[0]);
         level.set_pixel(pixel);
     }
+}
+
+/// A coarser level, bent so that each place of its rim, or each second or fourth one, comes to that of its taxel; `None` where
+/// that folds it.
+fn bent_by_rim(
+    mesh: &TriMesh,
+    placed: &IdVec<PlaceId, DVec2>,
+    of_taxels: &IdVec<PlaceId, DVec2>,
+) -> Option<IdVec<PlaceId, DVec2>> {
+    let placed: IdVec<VertexId, DVec2> = placed.clone().reindexed();
+    let rim: Vec<VertexId> = boundary_loops(mesh).concat();
+    first_flip(mesh, &placed).is_none().then_some(())?;
+    [1, 2, 4].into_iter().find_map(|every| {
+        let held: Vec<_> =
+            rim.iter().step_by(every).map(|&v| (v, of_taxels[PlaceId::of_opened(v)])).collect();
+        match bend(mesh, &placed, &[], &held) {
+            Ok(Bent::Done(uv, _)) => Some(uv.reindexed()),
+            _ => None,
+        }
+    })
 }
