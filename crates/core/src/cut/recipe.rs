@@ -109,51 +109,17 @@ impl Recipe {
             return Ok(None);
         }
         let graph = SeamGraph::new(mesh, costs)?;
-        Ok(Some(self.seam(&graph)?.1))
-    }
-
-    /// The recipe with its seam joined to one more vertex of the mesh that it is for, and what it cuts; `None` if the vertex is
-    /// at the seam already.
-    /// Fails as [`Recipe::cut`].
-    #[doc(hidden)]
-    pub fn reaching(
-        &self,
-        vertex: VertexId,
-        mesh: &TriMesh,
-        costs: Option<&IdVec<VertexId, f64>>,
-    ) -> Result<Option<(Self, CutMesh)>, CutError> {
-        let graph = SeamGraph::new(mesh, costs)?;
-        let seam = if self.edges.is_empty() {
-            // It begins at the nearest loop.
-            let apexes: BTreeSet<VertexId> = (0..graph.loops.len()).map(|k| graph.apex(k)).collect();
-            let path = graph.path(&[vertex].into(), &apexes).unwrap_or_default();
-            let ends = path.into_iter().flat_map(|edge| graph.ends[edge]).filter(|v| apexes.contains(v));
-            Seam { edges: SeamEdges::new(), ends: ends.collect() }
-        } else {
-            self.seam(&graph)?.0
-        };
-        if graph.vertices(&seam.edges).contains(&vertex) {
-            return Ok(None);
-        }
-        let seam = seam.joined(&graph, std::iter::once(vertex));
-        let cut = graph.checked(&seam.edges)?;
-        Ok(Some((Self::new(&graph, &seam), cut)))
-    }
-
-    /// The seam on a mesh, and what it cuts.
-    fn seam(&self, graph: &SeamGraph<'_>) -> Result<(Seam, CutMesh), CutError> {
         let loops = self.loops.iter().filter_map(|&v| graph.apex_at(v));
         let ends: BTreeSet<VertexId> = self.cones.iter().copied().chain(loops).collect();
-        if let Some(edges) = self.along(graph, &ends)
-            && let Ok(cut) = graph.checked(&edges)
-            && graph.leaves_one_rim(&edges, &cut)
+        if let Some(seam) = self.along(&graph, &ends)
+            && let Ok(cut) = graph.checked(&seam)
+            && graph.leaves_one_rim(&seam, &cut)
         {
-            return Ok((Seam { edges, ends }, cut));
+            return Ok(Some(cut));
         }
         // Paths that meet twice open too much, or too little: the seam is found anew.
-        let seam = must_cut(graph).joined(graph, ends.into_iter());
-        let cut = graph.checked(&seam.edges)?;
-        Ok((seam, cut))
+        let seam = must_cut(&graph).joined(&graph, ends.into_iter());
+        graph.checked(&seam.edges).map(Some)
     }
 
     /// The seam along shortest paths between the ends of its edges, shortened. A path through a loop would replace an edge
@@ -210,24 +176,6 @@ mod tests {
                     panic!("{windows} windows of {fine} edges, holes {holes}: {error}");
                 }
             }
-        }
-    }
-
-    /// Of a disk the seam begins at its boundary, of a closed surface at the seam that it has; it ends at the vertex.
-    #[test]
-    fn a_seam_is_led_to_one_more_vertex() {
-        let ball = shapes::ball(6, 0.05);
-        let of_ball = decide(&ball, None, &Cut::All, &|_, _| None).unwrap();
-        for (mesh, first) in [(shapes::cap(400, 0.1, 1.2), Recipe::default()), (ball, of_ball)] {
-            let seam: BTreeSet<VertexId> = first.edges.iter().flatten().copied().collect();
-            let on_loop: BTreeSet<VertexId> = boundary_loops(&mesh).into_iter().flatten().collect();
-            let inside = |v: &VertexId| !seam.contains(v) && !on_loop.contains(v);
-            let vertex = mesh.positions.ids().filter(inside).nth(20).unwrap();
-            let (longer, cut) = first.reaching(vertex, &mesh, None).unwrap().unwrap();
-            let opened = cut.mesh(&mesh.positions);
-            assert_eq!(boundary_loops(&opened).len(), 1);
-            assert!(longer.edges.iter().filter(|edge| edge.contains(&vertex)).count() == 1, "it ends there");
-            assert!(longer.reaching(vertex, &mesh, None).unwrap().is_none(), "it is at the seam");
         }
     }
 

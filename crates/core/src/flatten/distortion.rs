@@ -110,24 +110,6 @@ pub fn distortion(mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> Distortion {
     sums.finish(flips, overlaps(mesh, uv))
 }
 
-/// The face whose area the map changes most, relative to the areas of the whole; `None` where no face has an area on both.
-#[doc(hidden)]
-pub fn largest_area_ratio(mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> Option<FaceId> {
-    let areas = |face: FaceId| {
-        let [a, b, c] = mesh.triangles[face].map(|v| uv[v]);
-        (mesh.face_area(face), 0.5 * (b - a).perp_dot(c - a).abs())
-    };
-    let all: Vec<(FaceId, (f64, f64))> = mesh
-        .triangles
-        .ids()
-        .map(|face| (face, areas(face)))
-        .filter(|(_, (skin, map))| *skin > 0.0 && *map > 0.0)
-        .collect();
-    let (skin, map) = all.iter().fold((0.0, 0.0), |(a, b), (_, x)| (a + x.0, b + x.1));
-    let change = |(a, b): (f64, f64)| ((b / map) / (a / skin)).ln().abs();
-    all.iter().max_by(|x, y| change(x.1).total_cmp(&change(y.1)).then(y.0.cmp(&x.0))).map(|(face, _)| *face)
-}
-
 #[derive(Debug, Default)]
 struct Sums {
     /// Area on the skin, magnitude of the area on the map, of every face.

@@ -6,8 +6,7 @@ use glam::DVec3;
 
 use crate::Error;
 use crate::cut::{Cut, CutMesh, Recipe, decide, may_be_poor, seam_costs, with_falling_ratios};
-use crate::flatten::{Method, distortion, flatten_roughly, largest_area_ratio};
-use crate::id::{IdVec, VertexId};
+use crate::flatten::{Method, distortion, flatten_roughly};
 use crate::mesh::TriMesh;
 use crate::pipeline::coarsened::{Coarsened, Flattened};
 use crate::pipeline::options::BuildOptions;
@@ -103,83 +102,38 @@ pub(super) fn cut_open(
     let judged = |cut: &Option<CutMesh>| area_ratio(mesh, taxels, cut.as_ref(), options, run);
     let mut search = RatioSearch { limit, judged: &judged, best: None };
     if let Some(level) = level.as_deref() {
-        let consider = &mut |seam: &Recipe| {
-            let recipe = seam.on_finer(&level.origins);
-            Ok(run.check().is_ok() && search.takes(&recipe, recipe.cut(mesh, costs.as_ref())?))
-        };
+        let consider = &mut |seam: &Recipe| Ok(run.check().is_ok() && search.takes(made(seam, Some(level))?));
         with_falling_ratios(&level.mesh, of_level.as_ref(), &map, consider)?;
     }
     if level.is_none() || mesh.positions.len() <= MAX_ON_SKIN && !search.is_kept() {
-        let consider = &mut |seam: &Recipe| {
-            Ok(run.check().is_ok() && search.takes(seam, seam.cut(mesh, costs.as_ref())?))
-        };
+        let consider = &mut |seam: &Recipe| Ok(run.check().is_ok() && search.takes(made(seam, None)?));
         with_falling_ratios(mesh, costs.as_ref(), &map, consider)?;
     }
-    search.extend(mesh, costs.as_ref(), run);
     run.check()?;
-    Ok(search.best.and_then(|best| best.cut))
+    Ok(search.best.and_then(|(_, cut)| cut))
 }
-
-/// How often the best seam is led to the face of the largest area ratio, where no seam that reaches cones keeps the limit. *Heuristic*:
-/// cones are found by the conformal factor, and maps are not conformal. A ball of 162 vertices with five horns has 1.130 by cones
-/// and 1.123 after two more paths.
-const MAX_EXTENSIONS: usize = 8;
 
 /// Of the cuts that are shown, in an order that does not depend on the limit, the one with the least area ratio up to the
 /// first that keeps the limit: a lower limit gives no larger ratio than a higher one.
 struct RatioSearch<'a> {
     limit: f64,
     /// The area ratio of the map after a cut.
-    judged: &'a dyn Fn(&Option<CutMesh>) -> AreaRatio,
-    best: Option<Considered>,
-}
-
-/// A cut that was judged.
-struct Considered {
-    ratio: AreaRatio,
-    recipe: Recipe,
-    cut: Option<CutMesh>,
-}
-
-/// The largest area ratio of a map, and the corners, on the mesh, of the face that has it.
-#[derive(Clone, Copy)]
-struct AreaRatio {
-    most: f64,
-    at: Option<[VertexId; 3]>,
+    judged: &'a dyn Fn(&Option<CutMesh>) -> f64,
+    best: Option<(f64, Option<CutMesh>)>,
 }
 
 impl RatioSearch<'_> {
     fn is_kept(&self) -> bool {
-        self.best.as_ref().is_some_and(|best| best.ratio.most <= self.limit)
+        self.best.as_ref().is_some_and(|(ratio, _)| *ratio <= self.limit)
     }
 
     /// Judges a cut, and keeps it if it is the best; whether another one is needed.
-    fn takes(&mut self, recipe: &Recipe, cut: Option<CutMesh>) -> bool {
+    fn takes(&mut self, cut: Option<CutMesh>) -> bool {
         let ratio = (self.judged)(&cut);
-        if self.best.as_ref().is_none_or(|best| ratio.most < best.ratio.most) {
-            self.best = Some(Considered { ratio, recipe: recipe.clone(), cut });
+        if self.best.as_ref().is_none_or(|(least, _)| ratio < *least) {
+            self.best = Some((ratio, cut));
         }
         !self.is_kept()
-    }
-
-    /// Leads the best seam to the face of the largest area ratio, again and again.
-    fn extend(&mut self, mesh: &TriMesh, costs: Option<&IdVec<VertexId, f64>>, run: Run<'_>) {
-        let Some(best) = &self.best else { return };
-        let (mut recipe, mut at) = (best.recipe.clone(), best.ratio.at);
-        for _ in 0..MAX_EXTENSIONS {
-            if self.is_kept() || run.check().is_err() {
-                break;
-            }
-            // A corner that is not at the seam yet.
-            let reached = |v: VertexId| recipe.reaching(v, mesh, costs).ok().flatten();
-            let Some((longer, cut)) = at.into_iter().flatten().find_map(reached) else { break };
-            let cut = Some(cut);
-            let ratio = (self.judged)(&cut);
-            (recipe, at) = (longer, ratio.at);
-            if self.best.as_ref().is_none_or(|best| ratio.most < best.ratio.most) {
-                self.best = Some(Considered { ratio, recipe: recipe.clone(), cut });
-            }
-        }
     }
 }
 
@@ -191,26 +145,22 @@ fn area_ratio(
     cut: Option<&CutMesh>,
     options: &BuildOptions,
     run: Run<'_>,
-) -> AreaRatio {
+) -> f64 {
     let mut flatten = options.flatten.clone();
     if let Method::Intrinsic { magnify, .. } = &mut flatten.method {
         *magnify = 0.0;
     }
     let taxels = Taxels { acuities: None, ..taxels.clone() };
-    let ratio = || -> Result<Option<AreaRatio>, Error> {
+    let ratio = || -> Result<f64, Error> {
         let coarsened = Coarsened::new(mesh, &taxels, cut, &options.coarsen, run)?;
         let Flattened { levels, maps } = coarsened.flattened(&taxels, &flatten, run)?;
         let finest = levels.first().zip(maps.iter().next());
-        Ok(finest.map(|((level, cut), map)| {
+        Ok(finest.map_or(f64::INFINITY, |((level, cut), map)| {
             let opened = cut.as_ref().map(|cut| cut.mesh(&level.mesh.positions));
-            let opened = opened.as_ref().unwrap_or(&level.mesh);
-            let most = distortion(opened, &map.uv).area_max;
-            // The faces of an opened mesh are those of the mesh.
-            let at = largest_area_ratio(opened, &map.uv).map(|face| level.mesh.triangles[face]);
-            AreaRatio { most, at }
+            distortion(opened.as_ref().unwrap_or(&level.mesh), &map.uv).area_max
         }))
     };
-    ratio().ok().flatten().unwrap_or(AreaRatio { most: f64::INFINITY, at: None })
+    ratio().unwrap_or(f64::INFINITY)
 }
 
 #[cfg(test)]
