@@ -180,7 +180,8 @@ def readings_in(points: Any) -> list[str]:
 def _cloud(message: Any, wanted: str) -> Frame:
     """A reading, or a row of them, for each point."""
     np, points = need("numpy", "ros"), table_of(message)
-    names, known = list(points.dtype.names or ()), readings_in(points)
+    names: list[str] = list(points.dtype.names or ())
+    known = readings_in(points)
     if wanted and wanted not in names:
         raise DataError(f"values: found {wanted!r}; needed: one of the fields {names} of the points")
     wanted = wanted or (known[0] if len(known) == 1 else "value" if "value" in known else "")
