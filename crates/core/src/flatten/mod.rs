@@ -182,7 +182,7 @@ pub fn flatten(
     let found = domain.to_metres(&uv);
     let placed = prescribed.is_none().then(|| {
         let weights = magnification.face_weights(mesh);
-        normalise_map(mesh, &uv, main_direction(mesh, &uv, taxels), weights.as_ref())
+        normalise_map(mesh, &uv, main_direction(mesh, &uv), weights.as_ref())
     });
     let uv = verified(mesh, &domain.disk.loops, options, placed, found)?;
     Ok(Flattening { uv, convergence })
@@ -326,7 +326,7 @@ pub fn flatten_pyramid(
     let found = maps.into_iter().zip(weights).zip(how).rev();
     for (level, ((found, weights), (convergence, loops))) in pyramid.levels.iter().zip(found) {
         let direction = match flattenings.get(LevelId::new(0)) {
-            None => main_direction(&level.mesh, &found, taxels),
+            None => main_direction(&level.mesh, &found),
             Some(Flattening { uv, .. }) => {
                 direction_like(found.iter().zip(level.origins.iter().map(|&v| &uv[v])))
             }

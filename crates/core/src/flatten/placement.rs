@@ -8,10 +8,9 @@ use std::iter::Sum;
 use glam::{DVec2, DVec3};
 
 use crate::flatten::energy::elements::Uv;
-use crate::id::{FaceId, IdVec, VertexId};
+use crate::id::{FaceId, IdVec};
 use crate::mesh::{TriMesh, signed_area};
 use crate::parallel::par_sum;
-use crate::skin::{TaxelId, Taxels};
 
 /// Moments closer than this, relatively, are equal: such a shape has no direction of its own.
 const NO_DIRECTION: f64 = 1e-6;
@@ -55,16 +54,16 @@ fn moments(mesh: &TriMesh, uv: &Uv) -> Moments {
 /// The direction on the map that is turned to x.
 ///
 /// It is the longer principal axis, towards the side where the map extends farther (third moment). A shape
-/// without such an axis or side, like a disk or a rectangle, turns so that the taxel of the smallest id off the centre, or without
-/// `taxels` the first vertex, lies on the positive x axis or side. A taxel at several places, on a seam, does not count.
-pub(super) fn main_direction(mesh: &TriMesh, uv: &Uv, taxels: Option<&Taxels>) -> DVec2 {
+/// without such an axis or side, like a disk, turns so that its first vertex off the centre lies on the
+/// positive x axis or side.
+pub(super) fn main_direction(mesh: &TriMesh, uv: &Uv) -> DVec2 {
     let Moments { centre, area, second } = moments(mesh, uv);
     let [xx, yy, xy] = second.to_array();
     let spread = xx + yy;
     let radius = spread.max(0.0).sqrt();
     // The first vertex that is neither at the centre nor, along an axis, level with it.
     let first = |along: &dyn Fn(DVec2) -> f64| {
-        by_id(uv, taxels).into_iter().map(|v| uv[v] - centre).find(|&q| along(q).abs() > 1e-3 * radius)
+        uv.iter().map(|&p| p - centre).find(|&q| along(q).abs() > 1e-3 * radius)
     };
     let difference = DVec2::new(xx - yy, 2.0 * xy);
     if difference.length() <= NO_DIRECTION * spread {
@@ -78,17 +77,6 @@ pub(super) fn main_direction(mesh: &TriMesh, uv: &Uv, taxels: Option<&Taxels>) -
         first(&|q| q.dot(axis)).map_or(1.0, |q| q.dot(axis))
     };
     if towards < 0.0 { -axis } else { axis }
-}
-
-/// The vertices in the order of the ids of their taxels, those of one taxel left out.
-fn by_id(uv: &Uv, taxels: Option<&Taxels>) -> Vec<VertexId> {
-    let Some(ids) = taxels.map(|taxels| &taxels.ids).filter(|ids| ids.len() == uv.len()) else {
-        return uv.ids().collect();
-    };
-    let mut all: Vec<(TaxelId, VertexId)> = ids.enumerate().map(|(v, &id)| (id, v)).collect();
-    all.sort_unstable();
-    let alone = all.chunk_by(|a, b| a.0 == b.0).filter(|same| same.len() == 1);
-    alone.map(|same| same[0].1).collect()
 }
 
 /// Moves, turns and scales a map, in m: its centre at the origin, `direction` along x, as large as
