@@ -21,7 +21,7 @@ enum Standing {
 #[derive(Debug, Clone)]
 pub(super) struct Queue {
     /// The rank of each vertex in the order that decides between neighbours.
-    pub(super) ranks: IdVec<VertexId, u32>,
+    ranks: IdVec<VertexId, u32>,
     standing: IdVec<VertexId, Standing>,
     waiting: Vec<VertexId>,
     woken: Vec<VertexId>,

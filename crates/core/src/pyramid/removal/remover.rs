@@ -64,10 +64,8 @@ impl Remover<'_> {
                     break;
                 }
                 let stars_per_task = chosen.len().div_ceil(TASKS).min(MAX_STARS_PER_TASK);
-                let plans: Vec<Plans> = chosen
-                    .par_chunks(stars_per_task)
-                    .map(|part| self.plan(part, &queue.ranks, &limits))
-                    .collect();
+                let plans: Vec<Plans> =
+                    chosen.par_chunks(stars_per_task).map(|part| self.plan(part, &limits)).collect();
                 for plans in &plans {
                     plans.refused.iter().for_each(|&v| queue.park(v));
                     for plan in plans.iter() {
@@ -86,18 +84,18 @@ impl Remover<'_> {
     }
 
     /// Plans the removal of each of `vertices`; the mesh does not change meanwhile.
-    fn plan(&self, vertices: &[VertexId], ranks: &IdVec<VertexId, u32>, limits: &Limits) -> Plans {
+    fn plan(&self, vertices: &[VertexId], limits: &Limits) -> Plans {
         let (mut star, mut filler, mut plans) = (Star::default(), Filler::default(), Plans::default());
         let mut pair = Pair::default();
         for &v in vertices {
             if let Some(seam) = self.seam.as_deref().filter(|seam| seam.roles[v] == SeamRole::Along) {
-                if !self.plan_pair(v, seam, (ranks, limits), &mut pair, &mut filler, &mut plans) {
+                if !self.plan_pair(v, seam, limits, &mut pair, &mut filler, &mut plans) {
                     plans.refused.push(v);
                 }
                 continue;
             }
-            let fits = star.gather(self.mesh, self.positions, v, limits)
-                && filler.fill(&star, self.mesh, ranks, limits);
+            let fits =
+                star.gather(self.mesh, self.positions, v, limits) && filler.fill(&star, self.mesh, limits);
             if !fits {
                 plans.refused.push(v);
                 continue;
@@ -117,7 +115,7 @@ impl Remover<'_> {
         &self,
         v: VertexId,
         seam: &SeamedLevel,
-        (ranks, limits): (&IdVec<VertexId, u32>, &Limits),
+        limits: &Limits,
         Pair { whole, half, filling, moves }: &mut Pair,
         filler: &mut Filler,
         plans: &mut Plans,
@@ -147,7 +145,7 @@ impl Remover<'_> {
                 let closing = filling.iter().find(|t| t[0] == 0 && usize::from(t[2]) == middle);
                 half.look_across(closing, whole, self.positions);
             }
-            if !filler.fill(half, self.mesh, ranks, limits) {
+            if !filler.fill(half, self.mesh, limits) {
                 return false;
             }
             let before = moves.len();

@@ -2,7 +2,6 @@
 //! filling.
 
 use crate::delaunay::smallest_first;
-use crate::id::{IdVec, VertexId};
 use crate::mesh::{HalfedgeMesh, MAX_RING, diagonals, triangle_cross};
 use crate::pyramid::removal::star::{Limits, Star, folds_over, small, squared_sine};
 
@@ -14,10 +13,6 @@ const MIN_FLAT_AREA: f64 = 1e-9;
 /// map a fan can always be undone; 0.6 makes 96 to 99 of 100 fillings fans and costs less than a degree of
 /// the mean smallest angle of a level (0.8: 85 to 95 of 100).
 const FAN_SHARE: f64 = 0.6;
-
-/// Fillings whose qualities differ by less than this share are equal, as the fans of a regular ring: the order of the vertices
-/// decides between them, and not the rounding of coordinates, which differs from frame to frame.
-const EQUAL: f64 = 1e-6;
 
 /// Quality of a triangle that must not be used.
 const REFUSED: f64 = -1.0;
@@ -35,17 +30,10 @@ pub(super) struct Filler {
 }
 
 impl Filler {
-    /// Fills `star`, without edges that exist elsewhere and without folds; `false` if that is not possible. `ranks` decide
-    /// between equal fans.
-    pub(super) fn fill(
-        &mut self,
-        star: &Star,
-        surface: &HalfedgeMesh,
-        ranks: &IdVec<VertexId, u32>,
-        limits: &Limits,
-    ) -> bool {
+    /// Fills `star`, without edges that exist elsewhere and without folds; `false` if that is not possible.
+    pub(super) fn fill(&mut self, star: &Star, surface: &HalfedgeMesh, limits: &Limits) -> bool {
         self.forbidden.clear();
-        if !self.optimise(star, ranks, limits) {
+        if !self.optimise(star, limits) {
             return false;
         }
         let count = star.ring.len();
@@ -54,7 +42,7 @@ impl Filler {
             // Rare, so all diagonals are tested only now; the filling is then found without those that exist.
             let all = (0..count).flat_map(|i| (i + 2..count).map(move |j| [i, j]));
             self.forbidden.extend(all.filter(|d| *d != [0, count - 1] && exists(d)));
-            if !self.optimise(star, ranks, limits) {
+            if !self.optimise(star, limits) {
                 return false;
             }
         }
@@ -63,9 +51,9 @@ impl Filler {
 
     /// Chooses the best fan if it is nearly as good as the best filling, else the filling; `false` if all are
     /// refused.
-    fn optimise(&mut self, star: &Star, ranks: &IdVec<VertexId, u32>, limits: &Limits) -> bool {
+    fn optimise(&mut self, star: &Star, limits: &Limits) -> bool {
         let n = star.ring.len();
-        let (fan, apex, bound) = self.best_fan(star, ranks, limits);
+        let (fan, apex, bound) = self.best_fan(star, limits);
         let share = FAN_SHARE * FAN_SHARE;
         // Up to five neighbours every filling is a fan; else the bound usually shows that no filling is much
         // better.
@@ -92,13 +80,12 @@ impl Filler {
     }
 
     /// Quality and apex of the fan whose worst triangle is best, and an upper bound for all fillings: each
-    /// has a triangle on every side of the ring, and every such triangle is also in a fan. Fans often are equally good: the
-    /// worst triangle of one, on a side of the ring, is in another one, too.
-    fn best_fan(&self, star: &Star, ranks: &IdVec<VertexId, u32>, limits: &Limits) -> (f64, usize, f64) {
+    /// has a triangle on every side of the ring, and every such triangle is also in a fan.
+    fn best_fan(&self, star: &Star, limits: &Limits) -> (f64, usize, f64) {
         let n = star.ring.len();
         let mut best_on_side = [REFUSED; MAX_RING];
-        let mut fans = [REFUSED; MAX_RING];
-        for (apex, fan) in fans.iter_mut().enumerate().take(n) {
+        let mut fan = (REFUSED, 0);
+        for apex in 0..n {
             let mut worst = f64::INFINITY;
             let mut from = (apex + 1) % n;
             for _ in 1..n - 1 {
@@ -108,12 +95,11 @@ impl Filler {
                 best_on_side[from] = best_on_side[from].max(quality);
                 from = to;
             }
-            *fan = worst;
+            if worst > fan.0 {
+                fan = (worst, apex);
+            }
         }
-        let best = fans[..n].iter().copied().fold(REFUSED, f64::max);
-        let equal = (0..n).filter(|&apex| best > 0.0 && fans[apex] >= (1.0 - EQUAL) * best);
-        let apex = equal.min_by_key(|&apex| ranks[star.ring[apex]]).unwrap_or(0);
-        (best, apex, best_on_side[..n].iter().copied().fold(f64::INFINITY, f64::min))
+        (fan.0, fan.1, best_on_side[..n].iter().copied().fold(f64::INFINITY, f64::min))
     }
 
     /// The filling whose worst triangle is best, by dynamic programming over the polygons that one
@@ -192,6 +178,7 @@ mod tests {
     use glam::DVec3;
 
     use super::*;
+    use crate::id::VertexId;
     use crate::mesh::{TriMesh, shapes};
 
     const LIMITS: Limits = Limits { min_cos_turn: 0.5, max_sagitta: 0.35, min_squared_sine: 1e-4 };
@@ -208,9 +195,8 @@ mod tests {
     fn fill(mesh: &TriMesh) -> Option<(Star, Vec<[u8; 3]>)> {
         let (surface, _) = HalfedgeMesh::new(mesh).unwrap();
         let (mut star, mut filler) = (Star::default(), Filler::default());
-        let ranks = (0..).take(mesh.positions.len()).collect();
         let fits = star.gather(&surface, &mesh.positions, VertexId::new(0), &LIMITS)
-            && filler.fill(&star, &surface, &ranks, &LIMITS);
+            && filler.fill(&star, &surface, &LIMITS);
         fits.then_some((star, filler.triangles))
     }
 
