@@ -25,11 +25,10 @@ const SAME_SIDE: f64 = 0.0;
 /// every boundary.
 const MAX_CIRCLE_FACTOR: f64 = 1.2;
 
-/// Each taxel has a weight, at most this share of the square of its spacing, so that no four taxels are on one circle: stars are
-/// those of the weighted Delaunay triangulation, and the corners of a square choose the same diagonal in any frame.
-/// 1e-5 suffices on measured covers, and 1e-6 leaves holes; `f32` rounds by less. Displaced taxels do the same, but choose other
-/// diagonals in another frame.
-const MAX_WEIGHT: f64 = 1e-4;
+/// Each taxel is displaced by this share of its spacing, so that no four taxels are on one circle: all stars see the
+/// same displaced taxels, and the corners of a square choose the same diagonal in any frame. 1e-5 suffices on measured
+/// covers, and 1e-6 leaves holes; `f32` rounds by less.
+const DISPLACEMENT: f64 = 1e-4;
 
 /// A triangle that is in the stars of some of its corners.
 #[derive(Debug, Clone, Copy)]
@@ -42,15 +41,17 @@ pub(super) struct Candidate {
     size: i64,
 }
 
-/// The triangles of all stars: most votes first, then the smallest circumcircle over the spacing. `hashes` give the taxels
-/// their weights.
+/// The triangles of all stars: most votes first, then the smallest circumcircle over the spacing. `hashes` displace the
+/// taxels.
 pub(super) fn candidates(cloud: &PointCloud<'_>, hashes: &IdVec<VertexId, u64>) -> Vec<Candidate> {
-    let weights = &par_ids(hashes.len(), |v: VertexId| {
-        MAX_WEIGHT * cloud.neighbours.spacing[v].powi(2) * Random::new(hashes[v], 0).uniform()
+    let displaced = par_ids(hashes.len(), |v: VertexId| {
+        let amount = DISPLACEMENT * cloud.neighbours.spacing[v];
+        cloud.positions[v] + amount * Random::new(hashes[v], 0).direction()
     });
+    let cloud = &PointCloud { positions: &displaced, ..*cloud };
     let mut found: Vec<[VertexId; 3]> = par_collect(cloud.positions.len(), |range, found| {
         for v in range.map(VertexId::new) {
-            found.extend(tangent_star(v, cloud, weights).map(smallest_first));
+            found.extend(tangent_star(v, cloud).map(smallest_first));
         }
     });
     found.par_sort_unstable();
@@ -58,12 +59,7 @@ pub(super) fn candidates(cloud: &PointCloud<'_>, hashes: &IdVec<VertexId, u64>) 
         .chunk_by(|a, b| a == b)
         .map(|same| Candidate { corners: same[0], votes: same.len(), size: size(same[0], cloud) })
         .collect();
-    let hashed = |c: &Candidate| {
-        let mut of = c.corners.map(|v| hashes[v]);
-        of.sort_unstable();
-        of
-    };
-    candidates.par_sort_unstable_by_key(|c| (usize::MAX - c.votes, c.size, hashed(c), c.corners));
+    candidates.par_sort_unstable_by_key(|c| (usize::MAX - c.votes, c.size, c.corners));
     candidates
 }
 
@@ -81,14 +77,9 @@ pub(super) fn size_class(length: f64) -> i64 {
 /// The triangles around `v` of the Delaunay triangulation of its neighbours in its tangent plane, without
 /// those whose circle is too wide.
 ///
-/// Neighbours are unrolled into the plane: they keep their direction in the tangent plane and their distance `d`, but for weights:
-/// the star of the weighted triangulation is that of neighbours at `d - (w - w0) / d`, with `w` and `w0` the weights of the
-/// neighbour and of `v`.
-fn tangent_star<'a>(
-    v: VertexId,
-    cloud: &'a PointCloud<'_>,
-    weights: &IdVec<VertexId, f64>,
-) -> impl Iterator<Item = [VertexId; 3]> + use<'a> {
+/// Neighbours are unrolled into the plane: they keep their distance and their direction in the
+/// tangent plane.
+fn tangent_star(v: VertexId, cloud: &PointCloud<'_>) -> impl Iterator<Item = [VertexId; 3]> {
     let PointCloud { positions, normals, neighbours, gap } = *cloud;
     let (n, spacing) = (normals[v], neighbours.spacing[v]);
     let (e, f) = n.any_orthonormal_pair();
@@ -97,8 +88,7 @@ fn tangent_star<'a>(
     for &w in neighbours.of(v).iter().filter(|&&w| normals[w].dot(n) > SAME_SIDE) {
         let d = (positions[w] - positions[v]) / spacing;
         candidates.push(w);
-        let by = (weights[w] - weights[v]) / (spacing * spacing) / d.length_squared();
-        unrolled.push(d.length() * (1.0 - by) * DVec2::new(d.dot(e), d.dot(f)).normalize_or_zero());
+        unrolled.push(d.length() * DVec2::new(d.dot(e), d.dot(f)).normalize_or_zero());
     }
     let is_narrow = move |a: DVec2, b: DVec2| {
         a.length() * b.length() * a.distance(b) <= MAX_CIRCLE_FACTOR * gap * a.perp_dot(b)

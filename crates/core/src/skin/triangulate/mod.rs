@@ -22,8 +22,8 @@
 //!    is away from the centre of the sheet.
 //!
 //! `triangulate_taxels` takes these steps sheet by sheet. Taxels keep the order of the file, and so do
-//! arrays. The result does not depend on that order, up to numbering, nor on frame and unit: what decides the
-//! diagonals of squares is a small weight of each taxel. Time and memory are near-linear.
+//! arrays. The result does not depend on that order, up to numbering, nor on frame and unit, except for the
+//! diagonals of squares, which each taxel decides by a small displacement of its own. Time and memory are near-linear.
 //!
 //! What each heuristic contributes, measured once with each switched off: pieces, holes and taxels left out,
 //! summed over the shapes of each kind of cover that changes without it, and in how many edges; the last four
