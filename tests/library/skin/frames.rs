@@ -3,8 +3,6 @@
 use std::collections::BTreeSet;
 use std::f64::consts::{PI, TAU};
 
-use dermatome::id::VertexId;
-use dermatome::map::MapLevel;
 use dermatome::mesh::shapes;
 use dermatome::pipeline;
 use dermatome::skin::{Draft, Link, Motion, MotionFrame, Sheet, TaxelId};
@@ -200,53 +198,6 @@ fn levels_without_ids_do_not_depend_on_the_order_of_vertices() {
         let mut sheet = shuffled(1);
         sheet.positions.iter_mut().for_each(|p| *p = scale * (*p + 0.3));
         assert_eq!(sizes(&levels(sheet)), sizes(&expected), "scaled by {scale}");
-    }
-}
-
-/// The faces of each level, by the ids of the taxels at their corners.
-fn faces_of_levels(rows: &[(DVec3, u32)]) -> Vec<BTreeSet<[u32; 3]>> {
-    let ids = Some(rows.iter().map(|&(_, id)| TaxelId(id)).collect());
-    let positions = rows.iter().map(|&(p, _)| p).collect();
-    let skin =
-        assemble(&draft_of(Sheet { name: "s".into(), positions, ids, ..Sheet::default() })).unwrap().skin;
-    let map = pipeline::build(&skin, &pipeline::BuildOptions::default()).unwrap();
-    let patch = &map.patches[0.into()];
-    let faces = |level: &MapLevel| {
-        let id = |v: VertexId| patch.taxels.ids[level.level.origins[v]].0;
-        let mut faces = BTreeSet::new();
-        for face in &level.level.mesh.triangles {
-            let mut corners = face.map(id);
-            corners.sort_unstable();
-            faces.insert(corners);
-        }
-        faces
-    };
-    patch.levels.iter().map(faces).collect()
-}
-
-/// Square cells have two diagonals that are as good as each other, and coarse levels fans that are: ids choose.
-#[test]
-fn levels_of_bare_taxels_are_the_same_in_any_frame_and_order() {
-    let is_level =
-        |cover: &Cover| ["square plane", "square tube 12 x 30", "ball of 300"].contains(&cover.name.as_str());
-    for Cover { name, positions, .. } in covers().into_iter().filter(is_level) {
-        let rows: Vec<(DVec3, u32)> = positions.iter().copied().zip(1..).collect();
-        let expected = faces_of_levels(&rows);
-        assert!(expected.len() > 1, "{name}");
-        let mut random = Random(5);
-        for k in 0..6 {
-            let turn = random.turn();
-            let mut keyed: Vec<(f64, (DVec3, u32))> =
-                rows.iter().map(|&(p, id)| (random.next(), (turn * p + 0.1 * DVec3::ONE, id))).collect();
-            if k % 2 == 1 {
-                keyed.sort_by(|a, b| a.0.total_cmp(&b.0));
-            }
-            let turned: Vec<(DVec3, u32)> = keyed.into_iter().map(|(_, row)| row).collect();
-            for (level, (found, needed)) in faces_of_levels(&turned).iter().zip(&expected).enumerate() {
-                let others = found.symmetric_difference(needed).count();
-                assert_eq!(others, 0, "{name}, turn {k}: faces of level {level} that are others");
-            }
-        }
     }
 }
 
