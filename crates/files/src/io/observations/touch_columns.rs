@@ -134,7 +134,7 @@ pub(super) fn write(columns: &[String], row: &TouchRow, table: &mut TableWriter<
         && fits(OUTWARD[0], row.outward.is_some())
         && fits(PATH[0], row.path.is_some())
         && fits(VELOCITY[0], row.velocity.is_some())
-        && has_joints == !row.by_joints.is_empty())
+        && has_joints != row.by_joints.is_empty())
     {
         return false;
     }
