@@ -327,7 +327,9 @@ fn good<T>(
 ///
 /// # let folder = tempfile::tempdir()?;
 /// # let out = folder.path();
-/// let built = build_file("meshes/sphere_cap.glb".as_ref(), out, &BuildOptions::default())?;
+/// let skin = "meshes/sphere_cap.glb";
+/// # let skin = "../../meshes/sphere_cap.glb";
+/// let built = build_file(skin.as_ref(), out, &BuildOptions::default())?;
 /// assert_eq!(read_map(&out.join("map.glb"))?.patches.len(), built.map.patches.len());
 /// # Ok::<_, Box<dyn std::error::Error>>(())
 /// ```
