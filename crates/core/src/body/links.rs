@@ -1,6 +1,7 @@
 //! Gap links: pairs of taxels that face each other over a gap between patches, or over a slit of one.
 
 use std::cell::RefCell;
+use std::ops::ControlFlow;
 
 use glam::DVec3;
 
@@ -97,34 +98,42 @@ fn over_slits(
     slits: &IdVec<PatchId, Vec<Vec<VertexId>>>,
     widest: &impl Fn(usize, usize) -> f64,
 ) -> Vec<[usize; 2]> {
+    if slits.iter().all(Vec::is_empty) {
+        return Vec::new();
+    }
+    let all = PointTree::new(&rest.positions, |k| rest.normals[k]);
     let mut links = Vec::new();
     for (patch, holes) in slits.enumerate().filter(|(_, holes)| !holes.is_empty()) {
         let (start, graph) = (rest.start(patch), Graph::of_patch(patch, &skin.patches[patch].mesh));
-        let tree = PointTree::new(&rest.positions, |k| rest.normals[k]);
         let (mut distances, mut reached) = (vec![f64::INFINITY; graph.origins.len()], Vec::new());
-        let rims = holes.iter().flat_map(|hole| (0..hole.len()).map(move |k| (hole[k], &hole[k + 1..])));
-        for (v, others) in rims {
-            let a = start + v.index();
-            for b in others.iter().map(|other| start + other.index()) {
-                let along = rest.positions[b] - rest.positions[a];
-                let width = along.length();
-                if width == 0.0
-                    || width > widest(a, b)
-                    || !rest.face(a, b, along / width)
-                    || !rest.is_alone([a, b], &tree)
-                {
-                    continue;
-                }
-                let mut way = f64::INFINITY;
-                each_by_distance(&graph.ways, v.index(), &mut distances, &mut reached, |at, distance| {
-                    if start + at as usize == b {
-                        way = distance;
+        for hole in holes {
+            let rim: Vec<usize> = hole.iter().map(|v| start + v.index()).collect();
+            let places: Vec<DVec3> = rim.iter().map(|&a| rest.positions[a]).collect();
+            let tree = PointTree::new(&places, |k| rest.normals[rim[k]]);
+            let radius = rim.iter().map(|&a| widest(a, a)).fold(0.0, f64::max);
+            for &a in &rim {
+                let at = rest.positions[a];
+                // It never breaks.
+                let _ = tree.each_within(at, radius, |k: u32, width| {
+                    let b = rim[k as usize];
+                    let is_link = a < b
+                        && width > 0.0
+                        && width <= widest(a, b)
+                        && rest.face(a, b, (rest.positions[b] - at) / width)
+                        && rest.is_alone([a, b], &all);
+                    if is_link {
+                        let mut is_around = true;
+                        each_by_distance(&graph.ways, a - start, &mut distances, &mut reached, |v, way| {
+                            let is_near = way <= AROUND * width;
+                            is_around &= !(is_near && start + v as usize == b);
+                            is_around && is_near
+                        });
+                        if is_around {
+                            links.push([a, b]);
+                        }
                     }
-                    way.is_infinite() && distance <= AROUND * width
+                    ControlFlow::Continue(())
                 });
-                if way > AROUND * width {
-                    links.push([a.min(b), a.max(b)]);
-                }
             }
         }
     }
