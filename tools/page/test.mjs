@@ -212,7 +212,10 @@ await test('arrows walk to a neighbour, and the address keeps the state', async 
   const taxel = await page.evaluate(() => { window.dermatome.draw(); return document.documentElement.dataset.taxel; });
   assert.notEqual(taxel, '0:500');
   await page.evaluate(() => window.dermatome.setUnfold(0.25));
-  await page.waitForTimeout(400);
+  await page.waitForFunction((taxel) => {
+    const state = new URLSearchParams(location.hash.slice(1));
+    return state.get('taxel') === taxel && state.get('unfold') === '0.25';
+  }, taxel);
   const hash = new URL(page.url()).hash;
   await close(page);
   const again = await open(maps.forearm, {}, hash);
