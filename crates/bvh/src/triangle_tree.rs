@@ -47,11 +47,18 @@ pub enum Start {
     Packet(u32),
 }
 
-/// The nearest triangle found so far, of one tree or of several.
+/// The nearest triangle found so far, of one tree or of several, among all or among those that [`Self::takes`] says.
 pub trait Nearest: Copy {
+    /// Whether [`Self::takes`] leaves triangles out. If not, it is not called.
+    const SELECTS: bool = false;
     /// The square of its distance; infinite if there is none.
     fn squared(&self) -> f64;
-    /// Measures a triangle and keeps it if it is nearer; returns whether it does.
+    /// Whether a triangle counts: the distance of one that does not bounds no search.
+    fn takes(&self, triangle: u32) -> bool {
+        let _ = triangle;
+        true
+    }
+    /// Measures a triangle that counts and keeps it if it is nearer; returns whether it does.
     fn offer(&mut self, triangle: u32) -> bool;
     /// Loads the data that [`Self::offer`] reads of a triangle into the cache, without waiting for it.
     fn prefetch(&self, triangle: u32);
@@ -167,7 +174,10 @@ impl TriangleTree {
             bound(&nearest),
             |node| node.far_gaps(local),
             |packet| {
-                distinct(packet).for_each(|triangle| _ = nearest.offer(triangle));
+                for triangle in distinct(packet) {
+                    let takes = !N::SELECTS || nearest.takes(triangle);
+                    _ = takes && nearest.offer(triangle);
+                }
                 bound(&nearest)
             },
         );
@@ -335,8 +345,10 @@ impl<L: Lanes, N: Nearest> Visitor<L> for Found<'_, N> {
     fn visit(&mut self, l: L, point: [f32; 3], packet: usize, bound: &mut f32) {
         let ids = &self.triangles.tree.packets[packet];
         let squared = self.triangles.packets[packet].distance_squared(l, point);
-        // The last three bits are the lane; setting them all rounds up.
-        *bound = bound.min(bound_of(f32::from_bits(l.least(squared) | 7), self.slack));
+        if !N::SELECTS {
+            // The last three bits are the lane; setting them all rounds up.
+            *bound = bound.min(bound_of(f32::from_bits(l.least(squared) | 7), self.slack));
+        }
         let mut mask = l.le(squared, l.splat(*bound));
         if mask == 0 {
             return;
@@ -345,6 +357,12 @@ impl<L: Lanes, N: Nearest> Visitor<L> for Found<'_, N> {
         while mask != 0 {
             let lane = mask.trailing_zeros() as usize;
             mask &= mask - 1;
+            if N::SELECTS {
+                if !self.nearest.takes(ids[lane & 7]) {
+                    continue;
+                }
+                *bound = bound.min(bound_of(squared[lane & 7], self.slack));
+            }
             if self.pending.is_full() {
                 self.make_room(*bound);
             }
