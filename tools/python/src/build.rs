@@ -200,8 +200,8 @@ pub(crate) fn build(
         if let Some(onto) = onto.as_ref().filter(|_| options.cut == Cut::Auto) {
             let landmarks = onto.landmarks(skin.patches.iter().map(|patch| (&*patch.name, &patch.taxels)))?;
             let seams = carried_seams(&skin, &onto.onto(&landmarks)?)?;
-            if !seams.is_empty() {
-                options.cut = Cut::Along(seams);
+            if seams.iter().any(|edges| !edges.is_empty()) {
+                options.cut = Cut::Edges(seams);
             }
         }
         let mut built = build_with(&skin, &options, stop.run().telling(&|told| tell(told, stop)))?;

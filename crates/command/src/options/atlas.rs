@@ -57,7 +57,7 @@ impl AtlasArgs {
         let own = skin.patches.iter().map(|patch| (&*patch.name, &patch.taxels));
         let Some(landmarks) = self.landmarks(own, atlas, &common)? else { return Ok(None) };
         let seams = carried_seams(skin, &self.onto(atlas, &landmarks)).map_err(Error::from)?;
-        Ok((!seams.is_empty()).then_some(Cut::Along(seams)))
+        Ok(seams.iter().any(|edges| !edges.is_empty()).then_some(Cut::Edges(seams)))
     }
 
     /// What is the same on the atlas and on a skin with these patches.

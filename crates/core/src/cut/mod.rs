@@ -57,7 +57,8 @@ pub use given::{cut_along, pairs_by_patch};
 pub use recipe::Recipe;
 pub use seam_graph::seam_costs;
 
-use crate::skin::TaxelId;
+use crate::id::{IdVec, VertexId};
+use crate::skin::{PatchId, TaxelId};
 
 /// How to cut patches before they are mapped.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -79,6 +80,8 @@ pub enum Cut {
     /// Exactly these edges are cut, given by the ids of their taxels. Patches without any of them
     /// are cut as by [`Cut::Auto`].
     Along(Vec<[TaxelId; 2]>),
+    /// As [`Cut::Along`], with the edges of each patch given by its vertices, whose ids other patches may have, too.
+    Edges(IdVec<PatchId, Vec<[VertexId; 2]>>),
 }
 
 impl Cut {

@@ -180,12 +180,16 @@ fn of_regions(map: &SkinMap, atlas: &SkinMap, is_mirrored: bool) -> Found {
             let largest = same.max_by(|(a, x), (b, y)| x.area.total_cmp(&y.area).then(b.cmp(a)));
             pairs.extend(largest.map(|(id, other)| (id, centre, turn(other.at))));
         }
-        let (fit, _) = Similarity::of(&pairs.iter().map(|(_, own, to)| [own.at, *to]).collect::<Vec<_>>());
+        // Each patch of the atlas has a plane of its own.
+        let fit = |id: PatchId| {
+            let on_it = pairs.iter().filter(|(other, ..)| *other == id);
+            Similarity::of(&on_it.map(|(_, own, to)| [own.at, *to]).collect::<Vec<_>>()).0
+        };
         let level = finest(patch);
         let mut marks: Vec<(PatchId, Mark)> = Vec::new();
-        for (id, centre, to) in pairs {
+        for &(id, centre, to) in &pairs {
             let place = centre.nearest;
-            let beside = fit.turned(level.uv[place] - centre.at);
+            let beside = fit(id).turned(level.uv[place] - centre.at);
             let name = format!("region {:?}", centre.name);
             if marks.iter().all(|(_, other)| other.place != place) {
                 marks.push((id, Mark { name, place, to: turn(to + beside) }));

@@ -50,6 +50,7 @@ use std::fmt;
 
 use glam::DVec2;
 
+use crate::body::Body;
 use crate::cut::PlaceId;
 use crate::flatten::distortion;
 use crate::id::{IdVec, VertexId};
@@ -161,7 +162,8 @@ impl Registered {
 /// Draws a map on that of another skin, in place. If it is mirrored, the skin is that of the other hand: it lies on the
 /// mirror image of the atlas, so that its faces stay upright.
 ///
-/// Image frames are made anew with their pixels; the maps are not measured. Tangents of taxels stay as they are.
+/// Image frames are made anew with their pixels; the maps are not measured. Tangents of taxels stay as they are. What joins the
+/// patches is not known afterwards: [`SkinMap::body`] is empty.
 ///
 /// # Errors
 /// If landmarks contradict each other or lie on a seam, no patch has four, a map has flips, or it folds. The map is then
@@ -214,6 +216,8 @@ pub fn register(map: &mut SkinMap, onto: &Onto<'_>) -> Result<Registered, Regist
         return Err(RegistrationError::TooFew { found: found.collect::<Vec<_>>().join(", ") });
     }
     map.patches = patches.into();
+    // Its patches have other numbers where some were left out.
+    map.body = Body::default();
     // A map on a map that is drawn on a third lies on the plane of the third.
     map.atlas = Some(match &atlas.atlas {
         Some(on) => OnAtlas { is_mirrored: is_mirrored != on.is_mirrored, ..on.clone() },
@@ -256,7 +260,10 @@ fn bend_patch(
     let system = |source| RegistrationError::System { patch: patch.name.clone(), source };
     let held = |marks: &[&Mark]| marks.iter().map(|mark| (mark.place.opened(), mark.to)).collect::<Vec<_>>();
     for every in BANKS.into_iter().filter(|_| !banks.is_empty()) {
-        let along: Vec<_> = banks.iter().step_by(every).map(|&(place, to)| (place.opened(), to)).collect();
+        // A landmark at the tip of the seam stays where it is.
+        let is_free = |place: PlaceId| marks.iter().all(|mark| mark.place != place);
+        let along = banks.iter().step_by(every).filter(|(place, _)| is_free(*place));
+        let along: Vec<_> = along.map(|&(place, to)| (place.opened(), to)).collect();
         if let Bent::Done(uv, steps) = bend(mesh, &placed, &held(&marks), &along).map_err(system)? {
             let (uv, landmarks) = (uv.reindexed(), marks.len());
             return Ok(BentPatch { uv, landmarks, folding: Vec::new(), steps, doubtful });

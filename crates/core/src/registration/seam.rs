@@ -20,7 +20,7 @@ use crate::numeric::{Csr, each_by_distance, nearest_sources};
 use crate::pyramid::LevelId;
 use crate::registration::landmarks::{FEWEST, Landmarks, nearest_in_space};
 use crate::registration::{Onto, RegistrationError};
-use crate::skin::{Patch, PatchId, Skin, TaxelId};
+use crate::skin::{Patch, PatchId, Skin};
 use crate::sparse::{Cholesky, Matrix, Pattern, SparseError};
 
 /// The atlas is bent on its finest level with at most this many vertices: the match is rough.
@@ -39,15 +39,18 @@ const HOLD: f64 = 1e3;
 /// How strongly a vertex is drawn to the skin at first, as a share of an edge; it doubles every three rounds.
 const DRAW: f64 = 0.02;
 
-/// The seams of the atlas on the closed patches of a skin, as pairs of ids of taxels that an edge joins: see
-/// [`Cut::Along`](crate::cut::Cut::Along). Nothing for patches that have a boundary, whose patch of the atlas has no seam, or
+/// The seams of the atlas on the closed patches of a skin, as edges of each patch: see
+/// [`Cut::Edges`](crate::cut::Cut::Edges). Nothing for patches that have a boundary, whose patch of the atlas has no seam, or
 /// that have fewer than four landmarks.
 ///
 /// # Errors
 /// If the system of a match does not fit into memory.
-pub fn carried_seams(skin: &Skin, onto: &Onto<'_>) -> Result<Vec<[TaxelId; 2]>, RegistrationError> {
+pub fn carried_seams(
+    skin: &Skin,
+    onto: &Onto<'_>,
+) -> Result<IdVec<PatchId, Vec<[VertexId; 2]>>, RegistrationError> {
     let &Onto { atlas, landmarks, is_mirrored, .. } = onto;
-    let mut seams = Vec::new();
+    let mut seams = skin.patches.map(|_| Vec::new());
     for (id, patch) in skin.patches.enumerate() {
         if !boundary_edges(&patch.mesh).is_empty() {
             continue;
@@ -64,8 +67,7 @@ pub fn carried_seams(skin: &Skin, onto: &Onto<'_>) -> Result<Vec<[TaxelId; 2]>, 
             pairs.into_iter().filter(|(at, ..)| *at == of).map(|(_, from, to)| (image(from), to)).collect();
         if own.len() >= FEWEST {
             let system = |source| RegistrationError::System { patch: patch.name.clone(), source };
-            let seam = carried_seam(patch, &atlas.patches[of], &own, is_mirrored).map_err(system)?;
-            seams.extend(seam.into_iter().map(|ends| ends.map(|v| patch.taxels.ids[v])));
+            seams[id] = carried_seam(patch, &atlas.patches[of], &own, is_mirrored).map_err(system)?;
         }
     }
     Ok(seams)

@@ -225,10 +225,14 @@ fn enlarge_pixels(
 }
 
 /// The edges of each patch that the user gives as seams; none where trial maps decide.
-fn given_seams(skin: &Skin, cut: &Cut) -> Result<Vec<Vec<[VertexId; 2]>>, Error> {
-    let Cut::Along(pairs) = cut else { return Ok(vec![Vec::new(); skin.patches.len()]) };
-    let edges = pairs_by_patch(pairs, skin.patches.iter().map(|patch| &patch.taxels))?;
-    Ok(edges.into_iter().collect())
+fn given_seams(skin: &Skin, cut: &Cut) -> Result<IdVec<PatchId, Vec<[VertexId; 2]>>, Error> {
+    Ok(match cut {
+        Cut::Along(pairs) => pairs_by_patch(pairs, skin.patches.iter().map(|patch| &patch.taxels))?,
+        Cut::Edges(edges) => {
+            skin.patches.ids().map(|id| edges.get(id).cloned().unwrap_or_default()).collect()
+        }
+        _ => skin.patches.map(|_| Vec::new()),
+    })
 }
 
 fn coarsen_patch(

@@ -28,7 +28,7 @@ impl Built {
             .zip(self.left_out.iter().zip(&self.by_dirichlet))
             .map(|(patch, (&left_out, &by_dirichlet))| (patch.name.clone(), (left_out, by_dirichlet)))
             .collect();
-        let registered = register(&mut map, onto)?;
+        let mut registered = register(&mut map, onto)?;
         let mut made = Vec::new();
         for patch in map.patches.iter_mut() {
             // Tangents that the skin does not state are those of the map.
@@ -46,6 +46,7 @@ impl Built {
         {
             self.enlarged = Some(enlarged);
         }
+        registered.patches.retain(|on| map.patches.iter().any(|patch| patch.name == on.name));
         map.find_body(options.across);
         self.map = Arc::new(map);
         let (left_out, by_dirichlet): (Vec<_>, Vec<_>) = made.into_iter().unzip();
