@@ -28,7 +28,7 @@ pub(super) fn follow_links(fresh: &mut Patch, old: &Patch) -> Result<(), BvhErro
 }
 
 /// The mean of joints with these weights.
-fn blend<'a>(all: impl Iterator<Item = (&'a Joints, f64)>) -> Joints {
+pub(super) fn blend<'a>(all: impl Iterator<Item = (&'a Joints, f64)>) -> Joints {
     let mut sums: BTreeMap<LinkId, f64> = BTreeMap::new();
     for (joints, share) in all {
         for &(link, weight) in joints {
