@@ -429,6 +429,25 @@ fn missing_ids_are_counted_and_bad_areas_are_replaced() {
     assert_eq!(elements(&draft, "area-not-positive"), [1, 2, 3]);
 }
 
+/// Remarks name taxels by their numbers in the file, also of bare ones of which some slots are empty.
+#[test]
+fn bare_taxels_keep_the_numbers_of_the_file() {
+    let grid = (0..9).map(|k| DVec3::new(0.01 * f64::from(k % 3 + 1), 0.01 * f64::from(k / 3 + 1), 0.0));
+    let mut positions: Vec<DVec3> = grid.collect();
+    positions.insert(1, DVec3::ZERO);
+    let mut presence = vec![Presence::Present; 10];
+    presence[1] = Presence::Absent;
+    let mut areas = vec![1e-4; 10];
+    areas[5] = 0.0;
+    let sheet = Sheet { positions, presence: Some(presence), areas: Some(areas), ..Sheet::default() };
+    let assembled = assemble(&Draft { sheets: vec![sheet], ..Draft::default() }).unwrap();
+    let replaced = assembled.remarks.iter().find_map(|remark| match &remark.kind {
+        RemarkKind::AreasReplaced { vertices } => Some(vertices.clone()),
+        _ => None,
+    });
+    assert_eq!(replaced, Some(vec![VertexId::new(5)]), "{:?}", assembled.remarks);
+}
+
 #[test]
 fn invalid_sheets_are_refused_with_the_element() {
     let sheet = sheet_of("s", &shapes::square());

@@ -44,6 +44,10 @@ pub(super) fn patch_of(
     let given = components.tangents.as_ref().map(|all| vertices.map(|&v| all[v]));
     let tangents = given.and_then(|given| choose_tangents(&mesh, &normals, &given, remarks));
     let in_file = vertices.map(|&v| components.in_file[v]);
+    let numbers = match &components.sheet.numbers {
+        Some(all) => in_file.map(|v| VertexId::from(all[v.index()])),
+        None => in_file.clone(),
+    };
     let file = components.sheet.select(&in_file.iter().map(|v| v.index()).collect::<Vec<_>>());
     let taxels = Taxels {
         binds: file.binds,
@@ -51,7 +55,7 @@ pub(super) fn patch_of(
         ids: file.ids.unwrap_or_else(|| in_file.iter().map(|_| count_on(next_id)).collect()).into(),
         normals,
         tangents,
-        areas: areas(file.areas.as_deref(), &in_file, &mesh, remarks),
+        areas: areas(file.areas.as_deref(), &numbers, &mesh, remarks),
         densities: file.densities.map(IdVec::from),
         weights: file.weights.map(IdVec::from),
         acuities: file.acuities.map(IdVec::from),
@@ -66,7 +70,7 @@ pub(super) fn patch_of(
     let valid = patch.validate().and_then(|()| check_joints(&patch.name, &patch.taxels, links));
     valid.map_err(|error| match error {
         SkinError::Taxels { patch, source } => {
-            SkinError::Taxels { patch, source: source.renumbered(|v| in_file[v]) }
+            SkinError::Taxels { patch, source: source.renumbered(|v| numbers[v]) }
         }
         other => other,
     })?;
@@ -94,14 +98,14 @@ fn choose_tangents(
 /// The areas of the file where they are positive, else those of the faces.
 fn areas(
     given: Option<&[f64]>,
-    in_file: &IdVec<VertexId, VertexId>,
+    numbers: &IdVec<VertexId, VertexId>,
     mesh: &TriMesh,
     remarks: &mut Vec<RemarkKind>,
 ) -> IdVec<VertexId, f64> {
     let mut areas = mesh.vertex_areas();
     let Some(given) = given else { return areas };
     let mut replaced = Vec::new();
-    for ((area, &found), &v) in areas.iter_mut().zip(given).zip(in_file) {
+    for ((area, &found), &v) in areas.iter_mut().zip(given).zip(numbers) {
         if is_positive(found) {
             *area = found;
         } else {

@@ -234,7 +234,9 @@ fn sheet_of(points: &UniquePoints<'_>, triangles: &IdVec<FaceId, [VertexId; 3]>)
     let mut number = vec![0_u32; used.len()];
     (0..).zip(&kept).for_each(|(new, &k)| number[k] = new);
     let faces = triangles.iter().map(|t| smallest_first(t.map(|v| number[points.taxel[v]])));
-    let mut sheet = Sheet { triangles: faces.collect(), ..points.sheet.select(&kept) };
+    let in_file = |&k: &usize| points.sheet.numbers.as_ref().map_or(VertexId::new(k).raw(), |all| all[k]);
+    let numbers = Some(kept.iter().map(in_file).collect());
+    let mut sheet = Sheet { triangles: faces.collect(), numbers, ..points.sheet.select(&kept) };
     sheet.triangles.sort_unstable();
     (sheet, left_out)
 }
