@@ -452,3 +452,79 @@ fn drafts_state_what_the_file_does_and_are_refused_until_complete() {
     json["press"] = json!("raises");
     assert_eq!(parse(&json).unwrap().stream(), Some("pads"));
 }
+
+/// Zero, sign and threshold are those of channels that measure touches, in whatever order channels are; a unit is that of the
+/// component.
+#[test]
+fn a_temperature_beside_a_force_stays_what_it_is() {
+    let (warm, force) = (json!({"name": "temperature", "unit": "C"}), json!({"name": "force", "unit": "N"}));
+    for order in [[&warm, &force], [&force, &warm]] {
+        let mut channels = Vec::new();
+        for (component, channel) in order.into_iter().enumerate() {
+            let mut channel = channel.clone();
+            channel["component"] = component.into();
+            channels.push(channel);
+        }
+        let at = usize::from(order[0]["name"] == "temperature");
+        let changes = |zero: Value| {
+            with(&[
+                ("axes", json!(["frame", "component", "cell"])),
+                ("channels", json!(channels)),
+                ("press", json!("lowers")),
+                ("zero", zero),
+                ("taxels", json!({"shape": [2]})),
+            ])
+        };
+        let facts = StreamFacts { threshold: Some(15.0), ..facts(&[2, 2]) };
+        // Two frames at rest at 25 C and 10 N, and one with a touch of 4 N at 26 C.
+        let frame = |warm: f64, force: f64| {
+            let mut both = [[warm; 2], [force; 2]];
+            both.rotate_left(1 - at);
+            both.concat()
+        };
+        let raw = [frame(25.0, 10.0), frame(25.0, 10.0), frame(26.0, 6.0)].concat();
+        for zero in [json!(10), json!({"first": 2})] {
+            let mut decoder = decoder(&changes(zero.clone()), &facts).unwrap();
+            let (values, _) = decode(&mut decoder, &raw, Times::None).unwrap();
+            let of =
+                |channel: usize| values.chunks_exact(4).map(|frame| frame[2 * channel]).collect::<Vec<_>>();
+            assert_eq!(
+                (of(at), of(1 - at)),
+                (vec![0.0, 0.0, 4.0], vec![25.0, 25.0, 26.0]),
+                "{zero} {order:?}"
+            );
+            let rest = decoder.rest(&facts);
+            assert!(rest.is_zero);
+            // That of the file is of its own numbers.
+            assert_eq!(rest.threshold, Some(if zero == json!(10) { 5.0 } else { 15.0 }));
+        }
+    }
+    let of_unit = |unit: &str| {
+        let channel = json!([{"name": "y", "unit": unit, "component": 1}]);
+        let changes = [
+            ("axes", json!(["frame", "component", "cell"])),
+            ("channels", channel),
+            ("taxels", json!({"shape": [2]})),
+        ];
+        let facts = StreamFacts { units: vec!["N".into(), "count".into()], ..facts(&[2, 2]) };
+        decoder(&with(&changes), &facts).map(|_| ()).map_err(|error| error.to_string())
+    };
+    assert_eq!(of_unit("count"), Ok(()));
+    assert!(of_unit("N").unwrap_err().contains("found the unit count of y; needed: N"));
+}
+
+/// Each episode has the zero of its own first frames.
+#[test]
+fn the_zero_of_an_episode_is_its_own() {
+    let mut decoder = decoder(&with(&[("zero", json!({"first": 2}))]), &facts(&[2, 3])).unwrap();
+    let mut run = |frames: &[f64], episode| {
+        let (mut values, mut seconds) = (Vec::new(), Vec::new());
+        let raw: Vec<f64> = frames.iter().flat_map(|&x| [x; 6]).collect();
+        decoder.decode(&raw, Times::None, episode, &mut values, &mut seconds).map(|()| values)
+    };
+    let first = |values: Vec<f64>| values.chunks_exact(6).map(|frame| frame[0]).collect::<Vec<_>>();
+    assert_eq!(first(run(&[100.0, 100.0, 107.0], 0).unwrap()), [0.0, 0.0, 7.0]);
+    assert_eq!(first(run(&[108.0], 0).unwrap()), [8.0]);
+    assert_eq!(first(run(&[200.0, 202.0, 207.0], 1).unwrap()), [-1.0, 1.0, 6.0]);
+    assert!(run(&[5.0], 2).unwrap_err().to_string().contains("found 1 frames; needed: the first 2"));
+}

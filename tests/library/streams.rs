@@ -228,6 +228,12 @@ fn each_kind_is_known_by_its_content_and_read() {
         (vec![5, 6, 7, 8], left.values),
         "taxels of a right foot follow those of a left one"
     );
+    let capital = one_foot.replace("left insole", "Right Insole");
+    assert_eq!(
+        read_text(folder, "one.asc", capital, None).unwrap().ids,
+        [5, 6, 7, 8],
+        "whatever the case of its letters"
+    );
     let found = read_text(folder, "pliance.asc", pliance(), None).unwrap();
     assert_eq!((&found.ids, &found.values[2]), (&vec![4, 9], &p(2, &[1, 2])));
     assert!(found.states("forces", StatementSource::Checked).unwrap().contains("3 frames"));

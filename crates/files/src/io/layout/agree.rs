@@ -75,7 +75,9 @@ impl Layout {
         statements: &mut Vec<Statement>,
     ) -> Result<f64, IoError> {
         let (rule, units) = (&self.rules[channel], &facts.units);
-        let stated = if units.len() == 1 { units.first() } else { units.get(channel) };
+        let stated =
+            if units.len() == 1 { units.first() } else { units.get(rule.component.unwrap_or(channel)) };
+        let stated = stated.filter(|unit| !unit.is_empty());
         let source = match stated {
             Some(_) if facts.has_checked_units => StatementSource::Checked,
             Some(_) => StatementSource::File,

@@ -48,7 +48,7 @@ pub struct StreamFacts {
     pub axes: Vec<String>,
     /// What these axes are usually called, for drafts.
     pub usual_axes: Vec<&'static str>,
-    /// The unit of all readings, or one for each channel; none if the file does not state it.
+    /// The unit of all readings, or one for each component; none if the file does not state it, empty where it does not.
     pub units: Vec<String>,
     /// Whether the units follow from sums in the file, and are not written in it.
     pub has_checked_units: bool,
@@ -118,7 +118,10 @@ impl TimeUnit {
 
     /// The unit of this name.
     pub fn named(name: &str) -> Option<Self> {
-        name.parse().ok()
+        match name {
+            "\u{b5}s" | "\u{3bc}s" => Some(Self::Microseconds),
+            name => name.parse().ok(),
+        }
     }
 
     /// The unit of which this many are a second.

@@ -174,11 +174,6 @@ impl Layout {
         &self.name
     }
 
-    /// The component of each channel.
-    pub(in crate::io) fn components(&self) -> Vec<usize> {
-        self.rules.iter().map(|rule| rule.component.unwrap_or(0)).collect()
-    }
-
     /// Whether numbers in the first line of a text are ids: the layout says so, or they are those that it states itself.
     pub(in crate::io) fn calls_ids(&self, numbers: &[TaxelId]) -> Result<bool, IoError> {
         if self.taxels == TaxelRule::File {

@@ -24,7 +24,7 @@ use self::rules::{Press, Zero};
 use crate::io::IoError;
 use crate::io::file::invalid;
 use crate::numeric::Csr;
-use crate::signal::{Channel, Quantity};
+use crate::signal::{Channel, Quantity, main_channel};
 use crate::skin::TaxelId;
 
 pub use columns::NamedColumns;
@@ -59,6 +59,8 @@ pub struct Decoder {
     clock: Clock,
     /// Axes of cells: of several, two may be swapped.
     cell_axes: usize,
+    /// The episode whose first frames the zero was taken from.
+    zero_of: Option<u64>,
     has_learned: bool,
     statements: Vec<Statement>,
     /// Readings without a number, and the first frame that has one.
@@ -132,7 +134,8 @@ impl Decoder {
                 return refuse("axes", format!("{components} components"), needed);
             }
             let scale = layout.scale_of(k, file, facts, &mut statements)?;
-            let sign = if layout.press == Press::Lowers && !rule.signed { -1.0 } else { 1.0 };
+            let is_of_touch = layout.channels[k].kind.is_of_touch();
+            let sign = if layout.press == Press::Lowers && !rule.signed && is_of_touch { -1.0 } else { 1.0 };
             let is_amount = layout.channels[k].quantity == Quantity::Extensive;
             sources.push(numbers(&members, &ids, is_amount, |member| Number {
                 place: u32::try_from(place(member.cell) + at * inner).unwrap_or(u32::MAX),
@@ -151,7 +154,7 @@ impl Decoder {
                 (0..width).filter(|&cell| !is_taxel[cell]).collect()
             }
         };
-        let pressed = layout.rules.iter().position(|rule| !rule.signed).unwrap_or(0);
+        let pressed = main_channel(layout.channels.iter().map(|channel| channel.kind));
         let scale = layout.rules[pressed].scale.unwrap_or(1.0);
         let mut decoder = Self {
             file: file.into(),
@@ -167,6 +170,7 @@ impl Decoder {
             missing: layout.missing.clone(),
             clock: Clock::new(layout.time.clone(), facts),
             cell_axes: shape.len(),
+            zero_of: None,
             has_learned: false,
             statements,
             lost: 0,
@@ -195,7 +199,8 @@ impl Decoder {
     pub fn rest(&self, facts: &StreamFacts) -> KnownRest {
         let (channel, scale) = self.pressed;
         let is_zero = self.channels[channel].newtons().is_some();
-        let threshold = facts.threshold.map(|x| x * scale.abs()).filter(|x| *x > 0.0 && is_zero);
+        let zero = if let Zero::Number(zero) = self.zero { zero } else { 0.0 };
+        let threshold = facts.threshold.map(|x| (x - zero) * scale.abs()).filter(|x| *x > 0.0 && is_zero);
         KnownRest { is_zero, threshold }
     }
 
@@ -220,7 +225,8 @@ impl Decoder {
     }
 
     /// Appends the readings and the seconds of some frames: channel `c` of taxel `n` of a frame is `[c * taxels + n]`.
-    /// All frames are of one episode; a later call may be of a later one, whose times may begin again.
+    /// All frames are of one episode; a later call may be of a later one, whose times may begin again, and whose first frames
+    /// are its zero where the layout says so.
     ///
     /// # Errors
     /// If there are too few numbers or times, times do not ascend or have another unit, or the first frames contradict
@@ -245,7 +251,7 @@ impl Decoder {
             return Ok(());
         }
         let start = values.len();
-        if !self.has_learned {
+        if self.zero_of.replace(episode) != Some(episode) {
             self.learn_zero(raw)?;
         }
         values.reserve(frames * self.sources.len() * self.ids.len());
@@ -321,8 +327,11 @@ impl Decoder {
         }
     }
 
+    /// The numbers of the channels that have a zero: those of touch.
     fn each_number(&mut self, mut change: impl FnMut(&mut Number)) {
-        self.sources.iter_mut().for_each(|numbers| numbers.items_mut().iter_mut().for_each(&mut change));
+        let of_touch =
+            self.sources.iter_mut().zip(&self.channels).filter(|(_, channel)| channel.kind.is_of_touch());
+        of_touch.for_each(|(numbers, _)| numbers.items_mut().iter_mut().for_each(&mut change));
     }
 
     /// Takes the mean of the first frames for the zero, if the layout does.

@@ -123,9 +123,7 @@ pub(super) fn named_header(
     }
     let note = || Statement::new("columns not read", listed(&unread), StatementSource::File);
     let notes = if unread.is_empty() { Vec::new() } else { vec![note()] };
-    let chosen =
-        layout.components().into_iter().filter_map(|at| Some(units.get(at)?.unwrap_or_default().to_owned()));
-    let units: Vec<String> = chosen.collect();
+    let units: Vec<String> = units.into_iter().map(|unit| unit.unwrap_or_default().to_owned()).collect();
     let facts = StreamFacts {
         cells: match component {
             None => vec![width],

@@ -83,7 +83,7 @@ impl LaidReadings {
     fn decode(&mut self) -> Result<bool, IoError> {
         let width: usize = self.facts.cells.iter().product();
         let few = (MAX_NUMBERS / width.max(1)).clamp(1, self.most);
-        let wanted = if self.has_begun { few } else { self.decoder.frames_to_learn() };
+        let mut wanted = few;
         self.raw.clear();
         let (mut whole, mut real, mut count) = (Vec::new(), Vec::new(), 0);
         let mut tick = Tick::None;
@@ -100,6 +100,10 @@ impl LaidReadings {
             let (of, at) = self.ahead.unwrap_or_default();
             if of != episode && count > 0 {
                 break;
+            }
+            // The zero of an episode may be that of its first frames.
+            if count == 0 && (of != self.episode || !self.has_begun) {
+                wanted = self.decoder.frames_to_learn();
             }
             (self.ahead, episode, tick) = (None, of, at);
             self.raw.extend_from_slice(&self.cells);

@@ -121,7 +121,8 @@ fn read_head(lines: &mut TextLines) -> Result<Head, IoError> {
             head.rate_hz = Some(rate.ok_or_else(|| wrong("a rate above 0 Hz, with a decimal point"))?);
         }
         for (foot, key) in ["left insole:", "right insole:"].iter().enumerate() {
-            if let Some(list) = text.strip_prefix(key) {
+            if let Some(list) = text.get(key.len()..).filter(|_| text[..key.len()].eq_ignore_ascii_case(key))
+            {
                 head.insoles[foot] = Some(list.split(',').filter(|id| !id.trim().is_empty()).count());
             }
         }
