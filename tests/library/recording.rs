@@ -9,10 +9,11 @@ use dermatome::id::VertexId;
 use dermatome::image::Renderer;
 use dermatome::io::{Block, IoError, Readings, ReadingsReader};
 use dermatome::map::SkinMap;
-use dermatome::recording::{Carried, Fill, FrameRange, Recording, RecordingOptions};
+use dermatome::recording::{Carried, Fill, FrameRange, Recording, RecordingOptions, Reference, respond};
+use dermatome::run::Run;
 use dermatome::signal::{
     Channel, ConditionOptions, Conditioner, ContactEvent, ContactTracker, Duplicates, Filler, Frame, Join,
-    Restrictor, SignalError, Stage, Zero,
+    Response, Restrictor, Scale, SignalError, Stage, Zero,
 };
 use dermatome::skin::PatchId;
 
@@ -262,4 +263,83 @@ fn the_border_of_an_episode_resets_everything() {
         assert!(matches!(reader.read(&mut values, &mut time), Err(IoError::Invalid { .. })));
     }
     assert!(ReadingsReader::blocks("none".as_ref(), &[], std::iter::empty()).is_err());
+}
+
+/// What is asked of some frames is not asked of episodes without any: they have no sums and no threshold of their own. A zero is
+/// the mean of frames of one episode. Loadings need times.
+#[test]
+fn episodes_without_frames_have_no_sums() {
+    let map = palm();
+    let whole = readings();
+    let part = |frames: std::ops::Range<usize>| Readings {
+        times: whole.times[frames.clone()].to_vec(),
+        values: whole.values[338 * frames.start..338 * frames.end].to_vec(),
+        ..whole.clone()
+    };
+    let opened = |parts: &[std::ops::Range<usize>], frames: FrameRange, zero: Zero| {
+        let block = |(episode, frames): (usize, &std::ops::Range<usize>)| {
+            Ok(Block { episode: episode as u64, readings: part(frames.clone()), statements: Vec::new() })
+        };
+        let lengths: Vec<u64> = parts.iter().map(|frames| frames.len() as u64).collect();
+        let blocks: Vec<_> = parts.iter().enumerate().map(block).collect();
+        let reader = ReadingsReader::blocks("some".as_ref(), &lengths, blocks.into_iter()).unwrap();
+        let condition = ConditionOptions { zero, ..ConditionOptions::default() };
+        let options = RecordingOptions { condition, frames, ..RecordingOptions::default() };
+        let mut recording = Recording::open(&map, reader, &options).unwrap();
+        let tracking = recording.tracker_options(1);
+        recording.summarise(&tracking).unwrap();
+        while recording.next_step().unwrap().is_some() {}
+        recording
+    };
+    let episodes = |recording: &Recording| {
+        recording.summaries().iter().map(|(episode, _)| episode.unwrap()).collect::<Vec<_>>()
+    };
+    let until = |from: usize, to: Option<usize>| FrameRange { from, to, ..FrameRange::default() };
+    let parts = [0..10, 10..20, 20..21];
+    assert_eq!(episodes(&opened(&parts, until(0, None), Zero::Taken)), [0, 1, 2]);
+    assert_eq!(episodes(&opened(&parts, until(0, Some(9)), Zero::First(12))), [0]);
+    assert_eq!(episodes(&opened(&parts, until(10, Some(15)), Zero::Taken)), [1]);
+    let all = opened(&parts, until(0, None), Zero::First(3));
+    assert!(all.threshold().is_some(), "of the second episode, since the last has one frame");
+    assert_eq!(all.report().zero_of, Some(1));
+    let remarks = all.report().remarks(Zero::First(3));
+    assert!(
+        remarks.iter().any(|remark| remark.contains("the mean of 1 frames, there are no 3")),
+        "{remarks:?}"
+    );
+    let without = Readings { times: vec![f64::NAN; 30], ..whole.clone() };
+    let reader = ReadingsReader::memory(without).unwrap();
+    let mut recording = Recording::open(&map, reader, &RecordingOptions::default()).unwrap();
+    let tracking = recording.tracker_options(1);
+    assert_eq!(recording.summarise_steps(&tracking).unwrap_err(), SignalError::NoTimes);
+}
+
+/// Forces and steps of pressure are of one clock: recordings whose times begin again are refused.
+#[test]
+fn forces_and_steps_are_of_one_clock() {
+    let map = palm();
+    let relative = Response { scale: Some(Scale::Relative), ..Response::default() };
+    let forces: Vec<[f64; 2]> = (0..30).map(|k| [0.05 * f64::from(k), 5.0]).collect();
+    let refused = |reference: Reference<'_>, recordings: usize, readings: &dyn Fn() -> ReadingsReader| {
+        let open = |_, _: Option<&Response>| {
+            Ok::<_, Error>(Recording::open(&map, readings(), &RecordingOptions::default())?)
+        };
+        respond(&map, reference, recordings, open, |_| {}, Run::default())
+            .map(|_| ())
+            .unwrap_err()
+            .to_string()
+    };
+    let whole = || ReadingsReader::memory(readings()).unwrap();
+    let two = || {
+        let block = |episode| Ok(Block { episode, readings: readings(), statements: Vec::new() });
+        ReadingsReader::blocks("two".as_ref(), &[30, 30], [block(0), block(1)].into_iter()).unwrap()
+    };
+    let timeless = || ReadingsReader::memory(Readings { times: vec![f64::NAN; 30], ..readings() }).unwrap();
+    let force = Reference::Force(&forces, &relative);
+    assert!(refused(force, 1, &two).contains("times go back"));
+    assert!(refused(force, 2, &whole).contains("times go back"));
+    assert!(refused(force, 1, &timeless).contains("need times"));
+    assert!(!refused(force, 1, &whole).contains("times go back"));
+    let steps = Reference::Pressure(&[[0.0, 20_000.0], [0.5, 40_000.0]]);
+    assert!(refused(steps, 1, &two).contains("one recording of one episode; 2 are given"));
 }

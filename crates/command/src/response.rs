@@ -15,7 +15,7 @@ use dermatome::signal::{Response, TaxelResponse, TaxelState, Zero};
 use crate::console::errors::advise;
 use crate::console::notes::{note, note_columns, note_count};
 use crate::files::input::{read_map_if_any, read_skin};
-use crate::files::outputs;
+use crate::files::outputs::{self, is_stream};
 use crate::options::{Common, InPath, OutFile, PatchArgs, ReadArgs};
 use crate::readings::{ReadingsArgs, remark_join};
 
@@ -70,6 +70,12 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         (None, Some(path)) => {
             let relative = match args.reading.response(common)? {
                 Some(response) => response,
+                None if args.readings.iter().any(|path| is_stream(path)) => {
+                    return Err(advise(
+                        "recordings are read twice",
+                        "name a file, not -, or give --response",
+                    ));
+                }
                 None => estimate(args, common, &map, Reference::Touches)?,
             };
             let rows = rows(path, "force", "N", common)?;

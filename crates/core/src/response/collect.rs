@@ -81,7 +81,7 @@ pub(super) struct Tally {
 pub struct Spike {
     /// The number of the taxel, patch after patch.
     pub taxel: usize,
-    /// The number of the recording and of the frame, each counted from 0.
+    /// The number of the recording and of the frame in it, each counted from 0.
     pub recording: usize,
     /// See [`Self::recording`].
     pub frame: usize,
@@ -239,11 +239,16 @@ impl<'s> Collector<'s> {
         self.frames.push(best);
     }
 
-    /// Ends a recording.
-    pub(super) fn end_recording(&mut self) {
+    /// Ends an episode of a recording: the frame that comes next is not the one after the last.
+    pub(super) fn end_episode(&mut self) {
         self.end_press();
         self.last.fill(f64::NAN);
         self.fresh.clear();
+    }
+
+    /// Ends a recording.
+    pub(super) fn end_recording(&mut self) {
+        self.end_episode();
         (self.recording, self.frame) = (self.recording + 1, 0);
     }
 

@@ -68,13 +68,20 @@ pub enum ResponseError {
          in the median); forces of this recording are needed"
     )]
     ForcesDoNotFit { touches: usize, disagreement: f64 },
+    #[error(
+        "times go back within a recording or from one to the next, so that a force belongs to several frames; one recording of \
+         one episode is needed, or several whose times go on"
+    )]
+    ForceClocks,
     #[error("the response has no relative gains; what touches alone give is needed")]
     NotRelative,
     #[error(
         "recording {number} is in {found:?}, and the first in {first:?}; recordings of one sensor are needed"
     )]
     Units { number: usize, found: String, first: String },
-    #[error("steps of pressure are of one recording; {found} are given: join them, with their steps")]
+    #[error(
+        "steps of pressure are of one recording of one episode; {found} are given: join them, with their steps"
+    )]
     StepRecordings { found: usize },
     #[error("the equations of a press are singular")]
     Singular,

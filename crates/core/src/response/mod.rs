@@ -82,6 +82,11 @@ impl<'s> GainEstimator<'s> {
         self.collector.see(frame);
     }
 
+    /// Ends an episode of a recording: what comes next is not the same touch.
+    pub fn end_episode(&mut self) {
+        self.collector.end_episode();
+    }
+
     /// Ends a recording: what comes next is not the same touch.
     pub fn end_recording(&mut self) {
         self.collector.end_recording();

@@ -9,7 +9,7 @@ use crate::mesh::neighbours;
 use crate::numeric::{Csr, DEVIATION_OF_MEDIAN, median_of};
 use crate::response::ResponseError;
 use crate::response::press::{HOT, confirmed, least_noise, median_noise};
-use crate::signal::{Frame, RunningNoise};
+use crate::signal::{Frame, RunningNoise, SignalError};
 use crate::skin::Skin;
 
 /// Touches that a scale needs at least, and an exponent.
@@ -56,6 +56,8 @@ pub struct ScaleEstimator {
     largest: f64,
     touches: Vec<Touch>,
     times: [f64; 2],
+    /// Whether times went back, so that forces are of several frames.
+    goes_back: bool,
 }
 
 /// The frames of one touch: the force, and area and linear relative pressure of each taxel.
@@ -96,6 +98,7 @@ impl ScaleEstimator {
             largest: 0.0,
             touches: Vec::new(),
             times: [f64::INFINITY, f64::NEG_INFINITY],
+            goes_back: false,
         })
     }
 
@@ -105,6 +108,7 @@ impl ScaleEstimator {
     /// If it does not have the patches and taxels of the skin.
     pub fn see(&mut self, frame: &Frame) {
         let time = frame.time;
+        self.goes_back |= time < self.times[1];
         self.times = [self.times[0].min(time), self.times[1].max(time)];
         let read: Vec<f64> = frame.values.iter().flat_map(|channels| channels[0].iter().copied()).collect();
         let force = self.force_at(time);
@@ -155,9 +159,15 @@ impl ScaleEstimator {
         let at = |exponent: f64| -> Vec<f64> {
             self.touches.iter().filter_map(|touch| touch.log_ratio(exponent)).collect()
         };
+        let [from, to] = self.times;
+        if from > to {
+            return Err(SignalError::NoTimes.into());
+        }
+        if self.goes_back {
+            return Err(ResponseError::ForceClocks);
+        }
         let touches = at(1.0).len();
         if touches < SCALE_TOUCHES {
-            let [from, to] = self.times;
             return Err(ResponseError::TooFewForces { found: touches, needed: SCALE_TOUCHES, from, to });
         }
         let spread = |exponent: f64| {

@@ -61,7 +61,7 @@ pub enum SignalError {
     NoFields { level: LevelId, known: Vec<String> },
     #[error("stored zeros need a response that has some")]
     NoStoredZeros,
-    #[error("slow and fast components need times, and the readings have none")]
+    #[error("slow and fast components, steps and known forces need times, and the readings have none")]
     NoTimes,
     #[error(
         "events need the time of each frame, and a frame has none; readings with times, or their rate, are needed"

@@ -61,16 +61,11 @@ pub fn examine<E: From<Error> + From<SignalError>>(
                 Some(health) => health,
                 None => health.insert(Health::new(map, options)?),
             };
-            let has_readings: Vec<bool> = recording.has_readings().collect();
-            health.begin_recording(channel, has_readings.iter().copied());
-            let mut episode = None;
-            while let Some(step) = recording.next_step()? {
-                if episode.replace(step.episode).is_some_and(|last| last != step.episode) {
-                    health.end_recording();
-                    health.begin_recording(channel, has_readings.iter().copied());
-                }
-                health.see(step.frame);
-            }
+            health.begin_recording(channel, recording.has_readings());
+            recording.each_frame(|frame| match frame {
+                Some(frame) => health.see(frame),
+                None => health.end_episode(),
+            })?;
             health.end_recording();
         }
         health.iter_mut().for_each(Health::end_pass);

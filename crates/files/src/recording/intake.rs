@@ -189,6 +189,9 @@ impl Intake {
 
     /// Goes on to the next episode, if there is one: nothing is known of it from those before.
     pub(super) fn begin_episode(&mut self, map: &SkinMap) -> Result<bool, Error> {
+        if self.range.ends_before(self.next) {
+            return Ok(false);
+        }
         let Some(time) = self.ahead.take() else { return Ok(false) };
         self.before = self.conditioner.report().after(&self.before);
         self.conditioner = Conditioner::new(map, &self.reader.channels, &self.condition)?;
@@ -240,6 +243,8 @@ impl Intake {
         }
         if count > 0 {
             self.conditioner.settle();
+            let fewest = self.report.zero_of.map_or(self.kept.len(), |before| before.min(self.kept.len()));
+            self.report.zero_of = Some(fewest);
         }
         self.has_learned = true;
         Ok(())

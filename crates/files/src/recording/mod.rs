@@ -101,6 +101,9 @@ pub struct Recording {
     ended: Vec<(u64, Summary)>,
     remarks: Vec<String>,
     at_once: Option<usize>,
+    /// The threshold of the episodes before, and how many frames of this one were passed on.
+    threshold_before: Option<f64>,
+    of_episode: usize,
     /// The first frames and their numbers, from which the tracker has learned.
     kept: VecDeque<(usize, Frame)>,
     has_learned: bool,
@@ -132,6 +135,8 @@ impl Recording {
             ended: Vec::new(),
             remarks: Vec::new(),
             at_once: None,
+            threshold_before: None,
+            of_episode: 0,
             kept: VecDeque::new(),
             has_learned: false,
             failure: None,
@@ -291,6 +296,9 @@ impl Recording {
     /// # Errors
     /// As [`Self::follow_contacts`].
     pub fn summarise_steps(&mut self, options: &TrackerOptions) -> Result<(), SignalError> {
+        if !self.intake.report().has_times {
+            return Err(SignalError::NoTimes);
+        }
         self.summarise(options)?;
         self.summary.iter_mut().for_each(Summary::follow_steps);
         Ok(())
@@ -321,9 +329,9 @@ impl Recording {
         ended.chain(self.summary.iter().map(|summary| (number(self.intake.episode()), summary))).collect()
     }
 
-    /// The threshold of contacts, given or estimated; `None` while it is not known.
+    /// The threshold of contacts, given or estimated, of the last episode that has one; `None` while it is not known.
     pub fn threshold(&self) -> Option<f64> {
-        self.tracker.as_ref().and_then(ContactTracker::threshold)
+        self.tracker.as_ref().and_then(ContactTracker::threshold).or(self.threshold_before)
     }
 
     /// What is not as it should be where zero and threshold of contacts were learned, a sentence each.
@@ -380,6 +388,7 @@ impl Recording {
                 return Ok(None);
             }
         };
+        self.of_episode += 1;
         let frame = if is_kept { &self.current } else { self.intake.latest() };
         let levels = self.levels.as_mut().map(|levels| levels.of(frame));
         let images = match (&mut self.renderer, levels) {
@@ -395,6 +404,21 @@ impl Recording {
         let contacts = tracker.map_or(&[][..], ContactTracker::contacts);
         let episode = self.intake.episode();
         Ok(Some(Step { number, episode, frame, levels, images, contacts, tracker }))
+    }
+
+    /// Passes all frames on, and `None` where an episode ends and another one begins. Returns how many episodes there are.
+    fn each_frame(&mut self, mut see: impl FnMut(Option<&Frame>)) -> Result<u64, Error> {
+        let (mut episode, mut count) = (None, 0);
+        while let Some(step) = self.next_step()? {
+            if episode.replace(step.episode) != Some(step.episode) {
+                count += 1;
+                if count > 1 {
+                    see(None);
+                }
+            }
+            see(Some(step.frame));
+        }
+        Ok(count)
     }
 
     /// Keeps the first frames of an episode until the tracker has learned from them.
@@ -430,7 +454,10 @@ impl Recording {
             return Ok(true);
         }
         (self.remarks, self.at_once) = (self.contact_remarks(), self.at_once());
+        self.threshold_before = self.threshold();
+        // An episode before the frames that are wanted has none.
         let summary = self.summary.take();
+        let has_frames = std::mem::take(&mut self.of_episode) > 0;
         let options = self.touch;
         if let Some(summary) = &summary {
             match summary.field_level() {
@@ -441,7 +468,7 @@ impl Recording {
         } else {
             self.follow_contacts(&options)?;
         }
-        self.ended.extend(summary.map(|summary| (ended, summary)));
+        self.ended.extend(summary.filter(|_| has_frames).map(|summary| (ended, summary)));
         Ok(true)
     }
 }

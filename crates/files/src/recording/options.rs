@@ -78,6 +78,8 @@ pub struct RecordingReport {
     pub read: usize,
     /// Frames that were passed on.
     pub frames: usize,
+    /// How many first frames the zeros are the mean of, if they are; of several episodes the fewest.
+    pub zero_of: Option<usize>,
     /// Channels of the readings.
     pub channels: usize,
     /// Those of them that measure touches.
@@ -98,12 +100,12 @@ impl RecordingReport {
     /// What is not as it should be, but for [`JoinReport::remarks`], a sentence each. `zero` is the one that was
     /// asked for.
     pub fn remarks(&self, zero: Zero) -> Vec<String> {
-        let Self { read, missing, condition, .. } = self;
+        let Self { zero_of, missing, condition, .. } = self;
         let mut remarks = Vec::new();
-        if let Zero::First(frames) = zero
-            && *read < frames
+        if let (Zero::First(frames), Some(of)) = (zero, *zero_of)
+            && of < frames
         {
-            remarks.push(format!("the zero is the mean of {read} frames, there are no {frames}"));
+            remarks.push(format!("the zero is the mean of {of} frames, there are no {frames}"));
         }
         // Masked taxels have none either, which is expected.
         let unknown_baselines = condition.without_baseline.saturating_sub(self.join.masked * self.of_touch);

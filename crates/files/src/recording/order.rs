@@ -91,14 +91,13 @@ pub fn map_signals<E: From<Error>>(
 fn see(order: &mut ColumnOrder, mut recording: Recording) -> Result<(), Error> {
     let channel = recording.touch_channel()?;
     order.begin_recording(channel);
-    let mut episode = None;
-    while let Some(step) = recording.next_step()? {
-        if episode.replace(step.episode).is_some_and(|last| last != step.episode) {
+    recording.each_frame(|frame| match frame {
+        Some(frame) => order.see(frame),
+        None => {
             order.end_recording();
             order.begin_recording(channel);
         }
-        order.see(step.frame);
-    }
+    })?;
     order.end_recording();
     Ok(())
 }

@@ -33,6 +33,20 @@ pub enum ResponseReport {
     Force(ScaleReport),
 }
 
+/// What comes next of recordings that are gone through.
+enum Next<'a> {
+    Frame(&'a Frame),
+    /// An episode, after which the same recording has another one.
+    EpisodeEnds,
+    RecordingEnds,
+}
+
+impl<'a> Next<'a> {
+    fn into_frame(self) -> Option<&'a Frame> {
+        if let Self::Frame(frame) = self { Some(frame) } else { None }
+    }
+}
+
 /// Estimates the response of the taxels of a map by recordings.
 ///
 /// `open` opens a recording, by its number; with the response, if there is one, that turns its readings into relative
@@ -55,8 +69,9 @@ pub fn respond<E: From<Error>>(
     let (mut unit, mut zeros) = (None::<String>, Vec::new());
     // The channel that counts, of frames with several.
     let mut one = Frame::new(map, 1);
-    // Passes all frames on, and `None` where a recording or an episode of it ends.
-    let mut each = |response: Option<&Response>, see: &mut dyn FnMut(Option<&Frame>)| -> Result<(), E> {
+    // Passes all frames on, and what ends. Returns how many episodes there were.
+    let mut each = |response: Option<&Response>, see: &mut dyn FnMut(Next<'_>)| -> Result<u64, E> {
+        let mut episodes = 0;
         for number in 0..recordings {
             let mut recording = open(number, response)?;
             let channels = recording.channels();
@@ -72,33 +87,30 @@ pub fn respond<E: From<Error>>(
                 let found = found.clone();
                 return Err(fail(ResponseError::Units { number: number + 1, found, first: first.clone() }));
             }
-            let mut episode = None;
-            while let Some(step) = recording.next_step()? {
-                if episode.replace(step.episode).is_some_and(|last| last != step.episode) {
-                    see(None);
+            episodes += recording.each_frame(|frame| match frame {
+                None => see(Next::EpisodeEnds),
+                Some(frame) if is_alone => see(Next::Frame(frame)),
+                Some(frame) => {
+                    one.time = frame.time;
+                    for (to, from) in one.values.iter_mut().zip(&frame.values) {
+                        to[0].as_mut_slice().copy_from_slice(from[main].as_slice());
+                    }
+                    see(Next::Frame(&one));
                 }
-                if is_alone {
-                    see(Some(step.frame));
-                    continue;
-                }
-                one.time = step.frame.time;
-                for (to, from) in one.values.iter_mut().zip(&step.frame.values) {
-                    to[0].as_mut_slice().copy_from_slice(from[main].as_slice());
-                }
-                see(Some(&one));
-            }
-            see(None);
+            })?;
+            see(Next::RecordingEnds);
             zeros = recording.zeros();
             ended(&recording);
         }
-        Ok(())
+        Ok(episodes)
     };
     match reference {
         Reference::Touches => {
             let mut estimator = GainEstimator::new(&skin).map_err(fail)?;
-            each(None, &mut |frame| match frame {
-                Some(frame) => estimator.see(frame),
-                None => estimator.end_recording(),
+            each(None, &mut |next| match next {
+                Next::Frame(frame) => estimator.see(frame),
+                Next::EpisodeEnds => estimator.end_episode(),
+                Next::RecordingEnds => estimator.end_recording(),
             })?;
             let (gains, report) = estimator.solve(run).map_err(fail)?;
             let known = gains.iter().flatten().map(|taxel| {
@@ -110,11 +122,16 @@ pub fn respond<E: From<Error>>(
             Ok((response, ResponseReport::Touches(report)))
         }
         Reference::Pressure(rows) => {
+            let several = |found: usize| fail(ResponseError::StepRecordings { found });
             if recordings != 1 {
-                return Err(fail(ResponseError::StepRecordings { found: recordings }));
+                return Err(several(recordings));
             }
             let mut estimator = StepEstimator::new(&skin, rows).map_err(fail)?;
-            each(None, &mut |frame| frame.into_iter().for_each(|frame| estimator.see(frame)))?;
+            let episodes =
+                each(None, &mut |next| next.into_frame().into_iter().for_each(|frame| estimator.see(frame)))?;
+            if episodes > 1 {
+                return Err(several(episodes as usize));
+            }
             let (curves, report) = estimator.solve().map_err(fail)?;
             let known = curves.iter().flatten().map(|curve| {
                 let state = if curve.is_dead { TaxelState::Dead } else { TaxelState::Untested };
@@ -131,7 +148,9 @@ pub fn respond<E: From<Error>>(
             let has_exponents = relative.taxels.iter().any(|taxel| taxel.exponent.is_some());
             let estimator = ScaleEstimator::new(&skin, !has_exponents, rows.to_vec());
             let mut estimator = estimator.map_err(fail)?;
-            each(Some(relative), &mut |frame| frame.into_iter().for_each(|frame| estimator.see(frame)))?;
+            each(Some(relative), &mut |next| {
+                next.into_frame().into_iter().for_each(|frame| estimator.see(frame))
+            })?;
             let report = estimator.solve().map_err(fail)?;
             Ok((scaled(relative, &report), ResponseReport::Force(report)))
         }

@@ -8,7 +8,7 @@ use crate::signal::health::survey::Seen;
 use crate::signal::health::touches::ABSENT_SHARE;
 use crate::signal::health::{Health, HealthFinding, HealthReport};
 use crate::signal::{Response, TaxelResponse, TaxelState};
-use crate::skin::PatchId;
+use crate::skin::{PatchId, TaxelId};
 
 /// Numbers with their names.
 type Evidence = Vec<(&'static str, f64)>;
@@ -272,21 +272,32 @@ impl Health {
             let touches = &self.sight.touches[k];
             judged.is_judged[k] || (self.survey.is_ok[k] && touches.surrounded >= TOUCHES)
         };
-        let mut taxels = Vec::new();
+        let mut heaviest = HashMap::<TaxelId, &HealthFinding>::new();
+        for finding in &findings {
+            for &id in &finding.taxels {
+                let known = heaviest.entry(id).or_insert(finding);
+                if finding.kind >= known.kind {
+                    *known = finding;
+                }
+            }
+        }
+        // A response names an id once: of taxels of one id in several patches, the worst counts.
+        let (mut taxels, mut seen, mut untested) = (Vec::new(), HashSet::new(), 0);
         for k in (0..self.around.len()).filter(|&k| self.around.is_present[k]) {
             let id = self.around.ids[k];
-            let own = findings.iter().filter(|finding| finding.taxels.contains(&id));
-            let heaviest = own.max_by_key(|finding| finding.kind);
-            let state = match heaviest {
+            let found = heaviest.get(&id);
+            let state = match found {
                 Some(finding) => finding.kind,
                 None if self.is_read[k] && is_tested(k) => TaxelState::Ok,
                 None => TaxelState::Untested,
             };
-            let other = heaviest.and_then(|finding| finding.other);
-            taxels.push(TaxelResponse { state, other, ..TaxelResponse::unknown(id) });
+            untested += usize::from(state == TaxelState::Untested);
+            if seen.insert(id) {
+                let other = found.and_then(|finding| finding.other);
+                taxels.push(TaxelResponse { state, other, ..TaxelResponse::unknown(id) });
+            }
         }
         let read = self.is_read.iter().filter(|is_read| **is_read).count();
-        let untested = taxels.iter().filter(|taxel| taxel.state == TaxelState::Untested).count();
         let present = self.around.is_present.iter().filter(|is_present| **is_present).count();
         HealthReport {
             taxels: read,
