@@ -380,6 +380,7 @@ fn every_command_gives_the_same_bytes_for_every_form_of_a_recording() {
         &path,
         map.patches.iter().map(|patch| &patch.taxels),
         std::slice::from_ref(&channel),
+        true,
     )
     .unwrap();
     let mut frame = Frame::new(&map, 1);

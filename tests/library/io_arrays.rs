@@ -289,6 +289,7 @@ fn readings_are_written_as_a_table_and_as_arrays() {
             path,
             skin.patches.iter().map(|p| &p.taxels),
             std::slice::from_ref(simulation.channel()),
+            true,
         )
         .unwrap();
         while let Some((frame, now)) = simulation.next_frame() {

@@ -344,6 +344,7 @@ fn written_readings_are_read_back() {
             &path,
             skin.patches.iter().map(|p| &p.taxels),
             std::slice::from_ref(&channel),
+            true,
         )
         .unwrap();
         frames.iter().for_each(|frame| writer.write(frame).unwrap());
@@ -358,6 +359,40 @@ fn written_readings_are_read_back() {
             let wrote = wrote.values[PatchId::new(0)][0].iter();
             assert!(frame.iter().zip(wrote).all(|(a, b)| a == b || a.is_nan() && b.is_nan()), "{name}");
         }
+    }
+}
+
+/// Frames without times are written without, and a table names no channel so that it could not be read.
+#[test]
+fn readings_without_times_are_read_back_without() {
+    let skin = Skin::from_mesh("square", shapes::square());
+    let map = SkinMap::flat(shapes::square(), 0.1);
+    let folder = TempDir::new().unwrap();
+    let write = |name: &str, channel: &str| {
+        let path = folder.path().join(name);
+        let channel = Channel { name: channel.into(), ..Channel::new("force", "N").unwrap() };
+        let taxels = skin.patches.iter().map(|p| &p.taxels);
+        let mut writer = ReadingsWriter::create(&path, taxels, std::slice::from_ref(&channel), false)?;
+        let mut frame = Frame::new(&map, 1);
+        for k in [1.0, 2.0] {
+            frame.time = f64::NAN;
+            frame.values[PatchId::new(0)][0].iter_mut().for_each(|x| *x = k);
+            writer.write(&frame)?;
+        }
+        writer.finish()?;
+        let reader = ReadingsReader::open(&path, ReadingsLayout::default())?;
+        assert!(!reader.has_times);
+        let found = drain(reader).unwrap();
+        assert_eq!((found.frames[1][0], &*found.channels[0].name), (2.0, &*channel.name), "{name}");
+        Ok::<(), IoError>(())
+    };
+    for name in ["a.csv", "a.npz"] {
+        write(name, "force").unwrap();
+    }
+    for bad in ["0", "a,b", "a;b", "a[b", " a"] {
+        let error = write("b.csv", bad).unwrap_err().to_string();
+        assert!(error.contains("channel") && !folder.path().join("b.csv").exists(), "{error}");
+        write("b.npz", bad).unwrap();
     }
 }
 
@@ -376,7 +411,7 @@ fn readings_of_taxels_with_the_same_id_are_read_back_in_their_order() {
         let path = folder.path().join(name);
         let taxels = skin.patches.iter().map(|p| &p.taxels);
         let mut writer =
-            ReadingsWriter::create(&path, taxels, &[Channel::new("force", "N").unwrap()]).unwrap();
+            ReadingsWriter::create(&path, taxels, &[Channel::new("force", "N").unwrap()], true).unwrap();
         writer.write(&frame).unwrap();
         writer.finish().unwrap();
         let found = drain(ReadingsReader::open(&path, ReadingsLayout::default()).unwrap()).unwrap();

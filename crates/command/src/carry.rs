@@ -7,6 +7,7 @@ use dermatome::Error;
 use dermatome::io::ReadingsWriter;
 use dermatome::recording::FrameRange;
 use dermatome::signal::{Carry, Frame, Quantity};
+use dermatome::skin::Presence;
 use serde_json::json;
 
 use crate::console::errors::advise;
@@ -62,9 +63,14 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     }
     let channels = recording.channels().to_vec();
     remark_join(&recording, &args.readings, common);
+    let others = map.patches.iter().flat_map(|patch| patch.taxels.presence.iter());
+    let others =
+        others.filter(|presence| **presence != Presence::Absent && !presence.reads_pressure()).count();
+    note_count(common, others as u64, "taxels", "of another modality than pressure, which are not carried");
     let output = common.outputs.file(&args.output);
     let patches = to.patches.iter().map(|patch| &patch.taxels);
-    let mut writer = ReadingsWriter::create(output, patches, &channels).map_err(Error::from)?;
+    let has_times = recording.report().has_times;
+    let mut writer = ReadingsWriter::create(output, patches, &channels, has_times).map_err(Error::from)?;
     let bar = progress::frames(common, recording.frames(), is_stream(&args.readings));
     let mut carried = Frame::new(&to, channels.len());
     let (mut lost, mut all) = (0.0, 0.0);

@@ -154,7 +154,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let mut touches = Vec::new();
     let taxels = skin.patches.iter().map(|patch| &patch.taxels);
     let output = common.outputs.file(&args.output);
-    let mut writer = ReadingsWriter::create(output, taxels, std::slice::from_ref(simulation.channel()))
+    let mut writer = ReadingsWriter::create(output, taxels, std::slice::from_ref(simulation.channel()), true)
         .map_err(Error::from)?;
     let mut steps: Vec<[f64; 2]> = Vec::new();
     while let Some((frame, now)) = simulation.next_frame() {

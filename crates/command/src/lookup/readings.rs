@@ -52,7 +52,7 @@ impl Readings {
             quantity: Quantity::Extensive,
             kind: ChannelKind::Touch,
         };
-        let writer = ReadingsWriter::create(path, taxels, std::slice::from_ref(&channel))?;
+        let writer = ReadingsWriter::create(path, taxels, std::slice::from_ref(&channel), true)?;
         Ok(Self { writer, spreader, frame: None, counts: Counts::default() })
     }
 

@@ -16,33 +16,41 @@ use crate::skin::{PatchId, Presence, Taxels};
 
 /// Writes readings frame by frame: a table `.csv` or arrays `.npz`.
 ///
-/// The table has the columns `time` in s and `ID.CHANNEL` for each taxel that is present and each channel, as
+/// The table has the columns `time` in s, if frames have times, and `ID.CHANNEL` for each taxel that is present and each channel, as
 /// `17.force`; a taxel without a reading has `NaN`. The arrays are `values` `(T, N)`, of several channels `(T, N, C)`,
-/// `timestamps` `(T,)`, `ids` `(N,)`, and the texts `channels` and `units`. Where taxels share an id, all taxels
+/// `timestamps` `(T,)` if frames have times, `ids` `(N,)`, and the texts `channels` and `units`. Where taxels share an id, all taxels
 /// are written in their order, absent ones too, without ids: the columns of the table are `.force`.
 /// No file appears before [`ReadingsWriter::finish`]; memory does not depend on
 /// the number of frames.
 pub struct ReadingsWriter {
     taxels: Vec<(PatchId, VertexId)>,
     channels: usize,
+    has_times: bool,
     output: Output,
     row: Vec<f64>,
 }
 
 enum Output {
     Table(TableWriter<Replacement>),
-    Arrays { writer: ArrayWriter, times: ArrayId, values: ArrayId },
+    Arrays { writer: ArrayWriter, times: Option<ArrayId>, values: ArrayId },
+}
+
+/// Whether a table of readings can name a channel so.
+fn is_column_name(name: &str) -> bool {
+    let is_bad = |c: char| c.is_control() || [',', ';', '"', '[', ']'].contains(&c);
+    !name.contains(is_bad) && !name.starts_with(|c: char| c.is_ascii_digit()) && name.trim() == name
 }
 
 impl ReadingsWriter {
     /// Starts a file of readings of the taxels that are present, given patch by patch.
     ///
     /// # Errors
-    /// If the file is of another kind or cannot be created, or no taxel is present.
+    /// If the file is of another kind or cannot be created, no taxel is present, or a table cannot have a channel of that name.
     pub fn create<'a>(
         path: impl Into<OutPath>,
         patches: impl IntoIterator<Item = &'a Taxels>,
         channels: &[Channel],
+        has_times: bool,
     ) -> Result<Self, IoError> {
         let path = &path.into();
         let (mut all, mut present) = (Vec::new(), Vec::new());
@@ -65,6 +73,11 @@ impl ReadingsWriter {
         }
         let output = match file_kind(path).as_str() {
             "csv" => {
+                if let Some(channel) = channels.iter().find(|channel| !is_column_name(&channel.name)) {
+                    let needed =
+                        "a name without a digit first and without separators, quotes and brackets, or a .npz";
+                    return Err(unfit(path, "channel", format!("{:?}", channel.name), needed));
+                }
                 let id = |column| ids.get(column).map_or(String::new(), u32::to_string);
                 let name = |column, Channel { name, unit, .. }: &Channel| match unit.as_str() {
                     "" => format!("{}.{name}", id(column)),
@@ -72,12 +85,14 @@ impl ReadingsWriter {
                 };
                 let names = (0..taxels.len())
                     .flat_map(|column| channels.iter().map(move |channel| name(column, channel)));
-                let header: Vec<String> = std::iter::once("time".to_owned()).chain(names).collect();
+                let time = has_times.then(|| "time".to_owned());
+                let header: Vec<String> = time.into_iter().chain(names).collect();
                 Output::Table(TableWriter::create(path, &header.join(","))?)
             }
             "npz" => {
                 let mut writer = ArrayWriter::create(path)?;
-                let times = writer.growing("timestamps", ElementType::F64, &[])?;
+                let times =
+                    has_times.then(|| writer.growing("timestamps", ElementType::F64, &[])).transpose()?;
                 let shape = [taxels.len(), channels.len()];
                 let shape = if channels.len() == 1 { &shape[..1] } else { &shape };
                 let values = writer.growing("values", ElementType::F64, shape)?;
@@ -92,7 +107,7 @@ impl ReadingsWriter {
             }
             _ => return Err(IoError::UnknownKind { path: path.into(), known: ".csv, .npz" }),
         };
-        Ok(Self { taxels, channels: channels.len(), output, row: Vec::new() })
+        Ok(Self { taxels, channels: channels.len(), has_times, output, row: Vec::new() })
     }
 
     /// Writes a frame.
@@ -109,13 +124,15 @@ impl ReadingsWriter {
         }
         match &mut self.output {
             Output::Arrays { writer, times, values } => {
-                writer.push(*times, Elements::F64(&[frame.time]))?;
+                if let Some(times) = times {
+                    writer.push(*times, Elements::F64(&[frame.time]))?;
+                }
                 writer.push(*values, Elements::F64(&self.row))?;
                 writer.end_frame()
             }
             Output::Table(table) => {
-                table.numbers([frame.time]);
-                table.numbers(self.row.iter().copied());
+                let time = self.has_times.then_some(frame.time);
+                table.numbers(time.into_iter().chain(self.row.iter().copied()));
                 table.end_row()
             }
         }
