@@ -132,7 +132,7 @@ impl ContactTracker {
             around,
             quantity: channel.quantity,
             newtons: channel.newtons().unwrap_or(f64::NAN),
-            options: *options,
+            options: TrackerOptions { lasting: options.lasting.max(1), ..*options },
             noise: Threshold::new(options),
             neighbours: neighbours(map.patches.iter().map(|patch| &patch.levels[LevelId::new(0)].level.mesh)),
             all: IdVec::filled(0.0, joined.mesh.positions.len()),
@@ -229,7 +229,7 @@ impl ContactTracker {
                 continue;
             }
             region.age += 1;
-            if region.age == self.options.lasting.max(1) {
+            if region.age == self.options.lasting {
                 (region.track, self.next) = (self.next, self.next + 1);
             } else if region.age > self.options.lasting {
                 region.event = ContactEvent::Move;

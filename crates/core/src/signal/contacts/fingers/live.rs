@@ -84,11 +84,13 @@ impl Live {
         for (patch, excess) in self.excess.enumerate() {
             for (taxel, &x) in excess.enumerate() {
                 let around = &self.neighbours[patch][taxel.index()];
-                let largest = || around.iter().map(|&v| excess[v.into()]).fold(0.0, f64::max);
-                let is_fault = !x.is_finite() || (x > spike && largest() < SPIKE_SHARE * x);
+                let known = || around.iter().map(|&v| excess[v.into()]).filter(|x| x.is_finite());
+                // Without a neighbour that reads there is nothing to compare it with.
+                let is_lone = || known().reduce(f64::max).is_some_and(|largest| largest < SPIKE_SHARE * x);
+                let is_fault = !x.is_finite() || (x > spike && is_lone());
                 let x = if is_fault {
                     self.scratch.clear();
-                    self.scratch.extend(around.iter().map(|&v| excess[v.into()]).filter(|x| x.is_finite()));
+                    self.scratch.extend(known());
                     median_of(&mut self.scratch).unwrap_or(0.0)
                 } else {
                     x
