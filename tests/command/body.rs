@@ -211,6 +211,19 @@ fn levels_of_modalities_are_levels_of_lookup_plot_and_arrays() {
     dermatome(at, &format!("{plot} --level arm.thermal.L0 -o o.svg")).assert().success();
     assert!(fs::read_to_string(at.join("o.svg")).unwrap().contains("9 fields"));
     refuses(at, "lookup map/map.glb p.csv --level arm.thermal.L7", &["arm.thermal.L7", "arm.thermal.L0"]);
+    // A contact on a patch without these sensors has its row, too.
+    let two: String = table
+        .lines()
+        .flat_map(|row| {
+            [format!("{row},arm\n"), format!("{},leg\n", row.replace(",0,", ",0.3,").replace("thermal", ""))]
+        })
+        .collect();
+    fs::write(at.join("two.csv"), format!("id,x,y,z,modality,patch\n{two}")).unwrap();
+    fs::write(at.join("p2.csv"), "x,y,z\n0.0251,0.0249,0\n0.0251,0.0249,0.3\n").unwrap();
+    dermatome(at, "build two.csv -o two -q").assert().success();
+    dermatome(at, "lookup two/map.glb p2.csv -o l2.csv --level arm.thermal.L0 -q").assert().success();
+    let found = rows(&at.join("l2.csv"));
+    assert_eq!(found.iter().map(|row| &*row["taxel_id"]).collect::<Vec<_>>(), ["66", ""]);
     refuses(at, "lookup map/map.glb p.csv --level arm.heat.L0", &["arm.heat.L0"]);
     refuses(at, "plot map/map.glb -o x.svg --level arm.thermal.L0", &["--readings"]);
 }

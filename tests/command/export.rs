@@ -151,7 +151,14 @@ fn a_robot_gets_sensors_and_keeps_every_byte() {
     fs::write(at.join("arm.urdf"), &arm).unwrap();
     dermatome(at, "build arm.urdf -o out --links *arm --outer --spacing 12mm").assert().success();
     let map = read_map(&at.join("out/map.glb")).unwrap();
-    for (name, robot) in [("a", arm.clone()), ("b", format!("\u{feff}{}<!-- </robot> -->", arm.trim_end()))] {
+    let robots = [
+        ("a", arm.clone()),
+        ("b", format!("\u{feff}{}<!-- </robot> -->", arm.trim_end())),
+        // A declaration after a comment, which is not XML but is read.
+        ("d", format!("<!-- arm -->\n{arm}")),
+    ];
+    assert!(arm.starts_with("<?xml"));
+    for (name, robot) in robots {
         fs::write(at.join("robot.urdf"), &robot).unwrap();
         dermatome(at, &format!("export out/map.glb -o {name}.urdf --robot robot.urdf")).assert().success();
         let written = text(at, &format!("{name}.urdf"));
@@ -183,6 +190,15 @@ fn a_robot_gets_sensors_and_keeps_every_byte() {
     fs::write(at.join("robot.urdf"), without).unwrap();
     refuses(at, "export out/map.glb -o c.urdf --robot robot.urdf", &["link \"forearm\"", "--patch"]);
     refuses(at, "export out/map.glb -o c.urdf --robot out/map.glb", &["out/map.glb", "help:"]);
+    let wide: Vec<u8> = "\u{feff}"
+        .chars()
+        .chain(arm.chars())
+        .collect::<String>()
+        .encode_utf16()
+        .flat_map(u16::to_le_bytes)
+        .collect();
+    fs::write(at.join("wide.urdf"), wide).unwrap();
+    refuses(at, "export out/map.glb -o c.urdf --robot wide.urdf", &["wide.urdf", "UTF-8"]);
     refuses(at, "export out/map.glb -o robot.urdf --robot robot.urdf", &["would replace an input"]);
     refuses(at, "export out/map.glb -o c.urdf", &["--robot ROBOT.urdf"]);
     refuses(at, "export out/map.glb -o c.csv --robot a.urdf", &["--robot ROBOT.urdf"]);

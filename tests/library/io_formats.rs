@@ -887,6 +887,9 @@ fn tables_of_taxels_take_what_others_write() {
         let remarks: Vec<String> = draft.remarks.iter().map(ToString::to_string).collect();
         assert!(remarks.len() == 1 && remarks[0].contains("2 columns are not used: u, v"), "{remarks:?}");
     }
+    // Tangents that are stated are kept, whatever the normals are.
+    let below = exported.replace("0,0,1,1,0,0", "0,0,-1,1,0,0");
+    assert_eq!(read_text("csv", &below).unwrap().sheets[0].tangents.as_deref(), Some(&[DVec3::X; 2][..]));
     let ids = |id: &str| {
         read_text("csv", &format!("id,x,y,z\n{id},0,0,0\n")).map(|draft| draft.sheets[0].ids.clone())
     };

@@ -28,7 +28,7 @@ pub(crate) struct Args {
     file: InPath,
     /// Values of the joints of a robot, in rad and m [default: 0], for the poses of its links in --json:
     /// NAME=VALUE,..., or a table of one row with a column for each joint
-    #[arg(long, value_name = "FILE|NAME=VALUE", value_parser = joints)]
+    #[arg(long, value_name = "FILE|NAME=VALUE", value_parser = joints, requires = "json")]
     joints: Option<JointsArg>,
     /// Print as JSON.
     #[arg(long)]

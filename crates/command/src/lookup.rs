@@ -189,6 +189,12 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     }
     let robot = Robot::read(&args.map, &args.patches, &args.levels, &args.regions, common)?;
     let motion = match args.pose.as_deref().filter(|path| RobotArgs::describes(path)) {
+        Some(path) if args.animation.is_some() => {
+            return Err(advise(
+                format!("{} has no animations", path.display()),
+                "leave out --animation; --joints move a robot",
+            ));
+        }
         Some(path) => Some(robot.joint_motion(path, args.joints.as_ref(), common)?),
         None if args.joints.is_some() => {
             return Err(advise("--joints are those of a robot", "give --pose its .urdf or .xml"));

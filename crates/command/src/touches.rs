@@ -303,6 +303,10 @@ impl Args {
             TouchReadings { ids: reader.ids.clone().unwrap_or_default(), ..TouchReadings::default() };
         let (mut values, mut time) = (Vec::new(), 0.0);
         while reader.read(&mut values, &mut time).map_err(Error::from)? {
+            if let Some(last) = readings.times.last().filter(|last| time < **last) {
+                let what = format!("{}: a frame at {time} s comes after one at {last} s", path.display());
+                return Err(advise(what, "give the readings of one trial, whose times ascend"));
+            }
             readings.times.push(time);
             readings.values.extend_from_slice(&values);
         }

@@ -99,6 +99,12 @@ impl Solver {
         match self {
             Self::Taxels(follower) => {
                 let (observations, found) = follower.finish(Run::default()).map_err(Error::from)?;
+                if !found.termination.is_converged() && !args.keep {
+                    return Err(advise(
+                        format!("{}; nothing was written at the end", found.termination),
+                        "give more --iterations, or write what there is with --keep",
+                    ));
+                }
                 let inputs = Inputs { observations, triangles: None, truth: None };
                 results::write(outputs, &found, &inputs, args, common)?;
                 Ok((!found.termination.is_converged()).then(|| found.termination.to_string()))

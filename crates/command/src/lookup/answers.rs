@@ -232,26 +232,36 @@ impl<'a> AnswerRows<'a, '_> {
         self.count_doubtful(hit.patch, away);
         self.on_levels(hit, |rows, level, place| {
             let silent = rows.answers.silent.get(level.0.index()).filter(|_| level.1.is_none());
-            if let Some(silent) = silent.filter(|_| place.presence != Presence::Present) {
+            let is_silent = place.as_ref().is_some_and(|place| place.presence != Presence::Present);
+            if let Some(silent) = silent.filter(|_| is_silent) {
                 silent.fetch_add(1, Ordering::Relaxed);
             }
-            rows.row(level, hit.distance, Some(place), []);
+            rows.row(level, hit.distance, place, []);
         });
     }
 
-    /// Calls `visit` with where a hit is on each level of its patch, and on those without a mesh.
-    fn on_levels(&mut self, hit: &Hit, mut visit: impl FnMut(&mut Self, RowLevel<'a>, LookupPlace<'a>)) {
+    /// Calls `visit` with where a hit is on each level of its patch, and on those without a mesh: nowhere if its patch has no
+    /// such fields.
+    fn on_levels(
+        &mut self,
+        hit: &Hit,
+        mut visit: impl FnMut(&mut Self, RowLevel<'a>, Option<LookupPlace<'a>>),
+    ) {
         let answers = self.answers;
         for level in answers.robot.levels_of(hit.patch) {
             let Some(cell) = answers.index.cell(hit, level) else { continue };
             let place = self.place(hit.patch, hit.link, cell, hit.position, hit.normal);
-            visit(self, (level, None), place);
+            visit(self, (level, None), Some(place));
         }
         for fields in &answers.robot.fields {
             let Some(finest) = answers.index.cell(hit, LevelId::default()) else { continue };
-            let Some((cell, presence, region)) = fields.cell(hit.patch, &finest) else { continue };
-            let place = self.place(hit.patch, hit.link, finest, hit.position, hit.normal);
-            visit(self, (fields.level, Some(&fields.name)), LookupPlace { cell, presence, region, ..place });
+            let place = fields.cell(hit.patch, &finest).map(|(cell, presence, region)| LookupPlace {
+                cell,
+                presence,
+                region,
+                ..self.place(hit.patch, hit.link, finest, hit.position, hit.normal)
+            });
+            visit(self, (fields.level, Some(&fields.name)), place);
         }
     }
 
@@ -307,7 +317,7 @@ impl<'a> AnswerRows<'a, '_> {
             self.count_doubtful(answer.patch, answer.least);
         }
         self.on_levels(&hit, |rows, level, place| {
-            rows.row(level, answer.distance, (!is_far).then_some(place), [answer.least, answer.most]);
+            rows.row(level, answer.distance, place.filter(|_| !is_far), [answer.least, answer.most]);
         });
         Ok(())
     }
@@ -366,7 +376,7 @@ impl<'a> AnswerRows<'a, '_> {
             self.off_skin(&index.locate(self.query)?);
             return Ok(());
         };
-        self.on_levels(&hit, |rows, level, place| rows.row(level, hit.distance, Some(place), []));
+        self.on_levels(&hit, |rows, level, place| rows.row(level, hit.distance, place, []));
         Ok(())
     }
 

@@ -133,8 +133,8 @@ pub(super) struct Sequence {
 }
 
 impl Sequence {
-    fn file(&mut self, image: &str, number: usize) -> OutPath {
-        let series = series_name(image);
+    fn file(&mut self, image: &str, of: &str, number: usize) -> OutPath {
+        let series = format!("{}{of}", series_name(image));
         let name = format!("{series}.{number:06}.{}", self.extension);
         let path = self.files.file(self.folder.join(&name));
         self.series.insert(series);
@@ -233,7 +233,7 @@ impl<'a> Output<'a> {
             Self::Folder { sequence, shown } => {
                 for (k, image) in images.iter().enumerate() {
                     let content = FrameContent { channels, time: frame.time, shown: shown.get(k) };
-                    let file = sequence.file(&image.name, number);
+                    let file = sequence.file(&image.name, "", number);
                     write_frame(file, image, &content).map_err(|e| sequence.after(e.into()))?;
                 }
                 sequence.publish().map_err(|e| sequence.after(e.into()))?;
@@ -242,9 +242,12 @@ impl<'a> Output<'a> {
                 for (image, (k, channel)) in
                     images.iter().flat_map(|image| channels.iter().enumerate().map(move |c| (image, c)))
                 {
-                    let several =
-                        if channels.len() > 1 { format!(".{}", channel.name) } else { String::new() };
-                    let file = sequence.file(&format!("{}{several}", image.name), number);
+                    // Only the slash of the image divides patch and level.
+                    let several = match channels.len() {
+                        1 => String::new(),
+                        _ => format!(".{}", harmless(&channel.name)),
+                    };
+                    let file = sequence.file(&image.name, &several, number);
                     let png = image_png(image, k, options).map_err(Error::from);
                     let written = png.and_then(|png| Ok(write_bytes(&file, &png)?));
                     written.map_err(|e| sequence.after(e))?;
@@ -274,10 +277,14 @@ impl<'a> Output<'a> {
 /// How the files of an image begin: `palm.L0` for `palm/L0`, as in `palm.L0.000123.exr` for frame 123. What
 /// file systems do not allow in a name is written as `%` and two hexadecimal digits for each byte.
 fn series_name(image: &str) -> String {
+    harmless(
+        &image.rsplit_once('/').map_or_else(|| image.to_owned(), |(patch, level)| format!("{patch}.{level}")),
+    )
+}
+
+fn harmless(text: &str) -> String {
     let mut name = String::new();
-    let image =
-        image.rsplit_once('/').map_or_else(|| image.to_owned(), |(patch, level)| format!("{patch}.{level}"));
-    for c in image.chars() {
+    for c in text.chars() {
         if !is_harmless(c) || r#"/\:*?"<>|%"#.contains(c) {
             name.extend(c.encode_utf8(&mut [0; 4]).bytes().map(|byte| format!("%{byte:02X}")));
         } else {

@@ -34,10 +34,21 @@ pub(super) fn write(path: &OutPath, robot: &Path, parts: &[ExportPart<'_>]) -> R
         .iter()
         .map(|part| Ok((xml_attribute(path, &part.patch.name)?, xml_attribute(path, &part.link)?)))
         .collect::<Result<_>>()?;
-    // Before the tag that ends <robot>; a mark of the byte order is not part of the text.
-    let (text, bytes) = (source.text()?, source.bytes());
-    let end = text[..xml.root().range().end].rfind("</").unwrap_or_default() + bytes.len() - text.len();
-    let (before, after) = bytes.split_at(end);
+    let bytes = source.bytes();
+    if !bytes.ends_with(source.text()?.as_bytes()) {
+        return Err(invalid(
+            robot,
+            "file",
+            "text in another encoding",
+            "a description in UTF-8, of which every byte is kept",
+        ));
+    }
+    // Before the tag that ends <robot>. What precedes the elements may be shorter as XML, what follows them is the same.
+    let bytes_of_text = bytes.iter().rposition(|byte| *byte != 0).map_or(0, |last| last + 1);
+    let xml_text = source.xml_text()?;
+    let end = xml.root().range().end;
+    let tag = xml_text[..end].rfind("</").unwrap_or_default();
+    let (before, after) = bytes.split_at(bytes_of_text - (xml_text.len() - tag));
     write_file(path, |out| {
         out.write_all(before)?;
         if !before.ends_with(b"\n") {

@@ -115,8 +115,27 @@ pub fn lost_in(path: &Path, skin: &Skin) -> Vec<&'static str> {
     let is_plain = matches!(kind.as_str(), "json" | "obj" | "off" | "ply" | "stl");
     let is_other = is_plain || kind == "csv";
     let has = |known: fn(&Taxels) -> bool| skin.patches.iter().any(|patch| known(&patch.taxels));
+    let has_densities: fn(&Taxels) -> bool = |taxels| taxels.densities.is_some();
+    let has_own_areas = || {
+        skin.patches.iter().any(|patch| {
+            let of_faces = patch.mesh.vertex_areas();
+            patch
+                .taxels
+                .areas
+                .iter()
+                .zip(&of_faces)
+                .any(|(own, other)| (own - other).abs() > 1e-6 * own.abs())
+        })
+    };
     let lost = [
         (is_plain && has(|taxels| taxels.tangents.is_some()), "the tangents of the taxels are lost"),
+        (is_plain && kind != "ply" && has_own_areas(), "the receptive areas of the taxels are lost"),
+        (
+            is_plain
+                && has(has_densities)
+                && (kind != "ply" || !skin.patches.iter().all(|p| has_densities(&p.taxels))),
+            "the densities of the taxels are lost",
+        ),
         (is_plain && has(|taxels| taxels.covariances.is_some()), "the covariances of the taxels are lost"),
         (is_plain && has(|taxels| taxels.weights.is_some()), "the weights of the taxels are lost"),
         (is_plain && has(|taxels| taxels.regions.is_some()), "the regions of the taxels are lost"),

@@ -202,20 +202,34 @@ impl ObjReader {
     /// Replaces the fans of polygons by their triangles.
     fn cut_polygons(&mut self, source: &Source) -> Result<Polygons> {
         let mut polygons = Polygons::default();
-        // From the last on: the triangles before it stay where they are.
-        for Polygon { group, triangles, line } in std::mem::take(&mut self.polygons).into_iter().rev() {
-            let group = &mut self.groups[group];
+        // Of each group, the triangles and materials up to the last polygon.
+        let mut cut_groups = vec![(Vec::new(), Vec::new(), 0); self.groups.len()];
+        for Polygon { group: number, triangles, line } in std::mem::take(&mut self.polygons) {
+            let group = &self.groups[number];
             let fan = &group.triangles[triangles.clone()];
             let corners: Vec<Corner> = fan[0][..2].iter().copied().chain(fan.iter().map(|t| t[2])).collect();
             let outline: Vec<DVec3> = corners.iter().map(|c| self.positions[c.position as usize]).collect();
             let cut = polygons
                 .cut(&outline, &[])
                 .ok_or_else(|| source.invalid((line, "`f`"), CROSSED, POLYGON_NEEDED))?;
+            let (kept, materials, until) = &mut cut_groups[number];
+            kept.extend_from_slice(&group.triangles[*until..triangles.start]);
             if self.materials.is_some() {
-                let alike = vec![group.materials[triangles.start]; cut.len()];
-                group.materials.splice(triangles.clone(), alike);
+                materials.extend_from_slice(&group.materials[*until..triangles.start]);
+                materials.extend(std::iter::repeat_n(group.materials[triangles.start], cut.len()));
             }
-            group.triangles.splice(triangles, cut.into_iter().map(|t| t.map(|k| corners[k])));
+            kept.extend(cut.into_iter().map(|t| t.map(|k| corners[k])));
+            *until = triangles.end;
+        }
+        for (group, (mut kept, mut materials, until)) in self.groups.iter_mut().zip(cut_groups) {
+            if until > 0 {
+                kept.extend_from_slice(&group.triangles[until..]);
+                group.triangles = kept;
+                if self.materials.is_some() {
+                    materials.extend_from_slice(&group.materials[until..]);
+                    group.materials = materials;
+                }
+            }
         }
         Ok(polygons)
     }

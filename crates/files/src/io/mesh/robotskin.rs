@@ -87,11 +87,12 @@ fn presence_name(presence: Presence) -> &'static str {
     }
 }
 
-/// The content of a slot of this type; whatever senses neither pressure nor warmth counts as no taxel.
+/// The content of a slot of this type; a type that has no name here counts as no taxel.
 fn presence(kind: &str) -> Presence {
     match kind {
         "pressure" => Presence::Present,
         "thermal" | "temperature" => Presence::ThermalPad,
+        "other" => Presence::Other,
         _ => Presence::Absent,
     }
 }

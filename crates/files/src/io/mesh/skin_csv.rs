@@ -140,7 +140,9 @@ fn read_taxels(source: &Source) -> Result<(Draft, Vec<(usize, u32)>)> {
     let mut sheets = Sheets::default();
     table.each_row(&mut |row| sheets.add(row, &indices, source))?;
     for sheet in &mut sheets.draft.sheets {
-        drop_placeholders(sheet, indices.normal.is_some());
+        if indices.tangent.is_none() {
+            drop_placeholders(sheet, indices.normal.is_some());
+        }
         sheet.follow_modalities();
         sheet.covariances.take_if(|all| all.iter().all(Option::is_none));
     }

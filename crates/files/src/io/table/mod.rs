@@ -301,7 +301,7 @@ pub(crate) struct TimeColumn {
 }
 
 /// Names of the one column that has the ids of taxels.
-const IDS: [&str; 2] = ["id", "taxel_id"];
+const IDS: [&str; 2] = ["taxel_id", "id"];
 
 /// The columns of a table, found by the names in its first line.
 #[derive(Debug)]
@@ -351,12 +351,12 @@ impl Columns {
     }
 
     pub(crate) fn find(&self, name: &str) -> Option<usize> {
-        let other = IDS.into_iter().find(|id| *id != name).filter(|_| IDS.contains(&name));
         let find = |name: &str| {
             let exact = self.names.iter().position(|n| n == name);
             exact.or_else(|| self.names.iter().position(|n| n.eq_ignore_ascii_case(name)))
         };
-        find(name).or_else(|| find(other?))
+        // The same column in each table, also where a table has both.
+        if IDS.contains(&name) { IDS.into_iter().find_map(find) } else { find(name) }
     }
 
     /// The place of the column of times: `time` before other names of times.
