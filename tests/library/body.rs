@@ -87,6 +87,15 @@ fn links_lead_over_joints_and_not_between_fingers() {
         gap_links(&skin(&[None, Some(0), Some(0)], fingers.into()), None).is_empty(),
         "two fingers of a palm"
     );
+    // A bare palm joins what it carries, whatever a link above it has.
+    for forearm in [false, true] {
+        let mut parts = vec![(2, next(0)), (3, next(1))];
+        if forearm {
+            parts.insert(0, (0, sheet(6, 5, DVec3::Y)));
+        }
+        let links = gap_links(&skin(&[None, Some(0), Some(1), Some(1)], parts), None);
+        assert!(!links.is_empty(), "over a bare palm");
+    }
 }
 
 /// Layers, sheets back to back and steps are no gaps.

@@ -166,8 +166,10 @@ impl BoxTree {
     /// first `reach` (infinite for no limit); near ones first, approximately.
     pub fn each_near(&self, q: DVec3, mut reach: f64, mut visit: impl FnMut(usize) -> f64) {
         let Self { boxes, scaling, .. } = self;
-        if let [_] = boxes.as_slice() {
-            visit(0);
+        if let [only] = boxes.as_slice() {
+            if only.least_distance(q) <= reach {
+                visit(0);
+            }
             return;
         }
         let (local, scale) = (scaling.point(q), scaling.scale);

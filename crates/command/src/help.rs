@@ -191,8 +191,8 @@ Words:
   level    a mesh: level 0 is the skin, every further one is coarser
   interval between which distances the skin is, as a reactive answer says
   error    how far the middle of the interval is from the distance of the skin
-  decides  share of the contacts for which the answer decides whether they are within 1, 2, 5
-           or 10 mm of the skin";
+  decides  share of the contacts for which the answer decides whether they are within 1, 2, 5,
+           10 or 20 mm of the skin";
 
 const OF_LEVELS: &str = "\
 Words:

@@ -163,6 +163,6 @@ fn summary(response: &Response) -> String {
     let mut sigmas: Vec<f64> = response.taxels.iter().filter(is_ok).filter_map(|taxel| taxel.sigma).collect();
     sigmas.sort_by(f64::total_cmp);
     let median = sigmas.get(sigmas.len() / 2).map(|sigma| format!(" to {:.1} %", 100.0 * sigma));
-    let untested = response.taxels.len() - sigmas.len();
+    let untested = response.taxels.iter().filter(|taxel| taxel.state == TaxelState::Untested).count();
     format!("gains of {} taxels{}, {untested} untested", sigmas.len(), median.unwrap_or_default())
 }

@@ -83,11 +83,11 @@ pub(crate) fn frames(common: &Common, total: Option<u64>, is_live: bool) -> Prog
         return ProgressBar::hidden();
     }
     let bar = bar(common);
-    match (total, ProgressStyle::with_template("{msg:>12} {pos} frames {elapsed}")) {
+    match (total, ProgressStyle::with_template("{msg:>12} {pos} {elapsed}")) {
         (Some(total), _) => bar.set_length(total),
         (None, Ok(style)) => bar.set_style(style),
         (None, Err(_)) => {}
     }
-    bar.set_message("rendering");
+    bar.set_message("frames");
     bar
 }

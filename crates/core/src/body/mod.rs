@@ -1,4 +1,4 @@
-//! One body: what joins the patches of a skin.
+//! One body: what joins the patches of a skin, and the banks of its slits.
 //!
 //! A limb is covered by several panels with gaps of millimetres. [`gap_links`] finds the pairs of taxels that face each
 //! other over a gap, so that a contact or a stroke goes on over it. Links are those of the pose at rest. Nothing is

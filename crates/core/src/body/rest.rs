@@ -1,5 +1,6 @@
 //! All taxels of a skin in the world, as the links are at rest.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::ControlFlow;
 
 use glam::DVec3;
@@ -78,20 +79,27 @@ impl Rest {
     }
 }
 
-/// Which patches may be joined: those of one link, and of links that a joint joins, or a chain of links without skin.
+/// Which patches may be joined: those of one link, and of links that a joint joins, or a chain of links without skin, also over
+/// the world. What a link further up carries does not matter.
 pub(super) fn are_joined(skin: &Skin) -> impl Fn(PatchId, PatchId) -> bool + Sync + use<> {
-    let has_skin = |link: LinkId| skin.patches.iter().any(|patch| patch.link == link);
+    let with_skin: BTreeSet<LinkId> = skin.patches.iter().map(|patch| patch.link).collect();
+    // The links above one: bare ones, `None` for the world, and the one with skin that ends them.
     let above = |link: LinkId| {
-        let mut at = skin.links[link].parent;
-        while let Some(parent) = at.filter(|at| !has_skin(*at)) {
+        let (mut bare, mut at) = (Vec::new(), skin.links[link].parent);
+        while let Some(parent) = at.filter(|at| !with_skin.contains(at)) {
+            bare.push(Some(parent));
             at = skin.links[parent].parent;
         }
-        at
+        if at.is_none() {
+            bare.push(None);
+        }
+        (bare, at)
     };
-    let links: Vec<(LinkId, Option<LinkId>)> =
-        skin.patches.iter().map(|patch| (patch.link, above(patch.link))).collect();
+    let above: BTreeMap<LinkId, _> = with_skin.iter().map(|&link| (link, above(link))).collect();
+    let links: Vec<LinkId> = skin.patches.iter().map(|patch| patch.link).collect();
     move |a, b| {
-        let [(a, above_a), (b, above_b)] = [a, b].map(|patch| links[patch.index()]);
-        a == b || above_a == Some(b) || above_b == Some(a) || (above_a.is_none() && above_b.is_none())
+        let [a, b] = [a, b].map(|patch| links[patch.index()]);
+        let [(bare_a, end_a), (bare_b, end_b)] = [&above[&a], &above[&b]];
+        a == b || *end_a == Some(b) || *end_b == Some(a) || bare_a.iter().any(|at| bare_b.contains(at))
     }
 }

@@ -369,7 +369,7 @@ pub struct SkinMap {
     pub patches: IdVec<PatchId, PatchMap>,
     /// How the links may move.
     pub animations: Vec<Motion>,
-    /// What joins the patches, with the links at rest; nothing in a map of one patch.
+    /// What joins the patches and the banks of slits, with the links at rest, and the levels above them; modalities of each patch.
     pub body: Body,
     /// The map of another skin that this one is drawn on, if there is one.
     pub atlas: Option<OnAtlas>,

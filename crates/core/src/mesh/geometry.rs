@@ -111,6 +111,7 @@ pub fn rotation_defect(matrix: &DMat3) -> f64 {
     let size = |x: f64| if x.is_nan() { f64::INFINITY } else { x.abs() };
     defect.to_cols_array().into_iter().map(size).fold(0.0, f64::max)
 }
+
 /// The parts of a triangle that is cut in the middle of some of its sides: corners 0 to 2, and 3 to 5 in the middle of the
 /// sides that begin there.
 pub(crate) fn parts(is_cut: [bool; 3]) -> Vec<[usize; 3]> {

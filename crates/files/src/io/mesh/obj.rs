@@ -57,9 +57,9 @@ struct ObjReader {
     material: u32,
     groups: Vec<Group>,
     polygons: Vec<Polygon>,
-    /// Where each (object, group) is in `groups`; one that comes again goes on where it was.
     /// How many normals are not finite.
     not_finite_normals: usize,
+    /// Where each (object, group) is in `groups`; one that comes again goes on where it was.
     known: HashMap<(String, String), usize>,
     object: String,
     group: usize,

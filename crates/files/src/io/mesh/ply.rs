@@ -92,7 +92,7 @@ impl PropertyAccess for PlyRow {
 ///
 /// Vertex properties: `x y z`, and where there are such `nx ny nz`, `taxel_id` (or `id`; -1
 /// becomes the placeholder [`u32::MAX`]), `area`, `density`, `present` (0 absent, 1 present, 2
-/// thermal pad).
+/// thermal pad, 3 other).
 pub(crate) fn read(source: &Source) -> Result<Draft> {
     let broken = |e: ParseError| parse_error(source, &e);
     let mut bytes = Cow::Borrowed(source.bytes());
@@ -266,7 +266,8 @@ fn read_vertices(source: &Source, element: &ElementDef, rows: &[PlyRow], sheet: 
     sheet.ids = column(ID).map(|ids| ids.enumerate().map(id).collect()).transpose()?;
     let presence = |(k, x): (usize, f64)| {
         let element = || format!("vertex {k}, property `present`");
-        let refuse = || source.invalid(element(), x.to_string(), "0 absent, 1 present or 2 thermal pad");
+        let refuse =
+            || source.invalid(element(), x.to_string(), "0 absent, 1 present, 2 thermal pad or 3 other");
         Presence::from_code(x).ok_or_else(refuse)
     };
     sheet.presence = column(PRESENT).map(|codes| codes.enumerate().map(presence).collect()).transpose()?;
