@@ -81,7 +81,9 @@ class _Made:
 
     def __init__(self, never: NoReturn, /) -> None: ...
 
-def run_command(args: Sequence[str], open: Callable[..., Any] | None = None) -> int: ...
+def run_command(
+    args: Sequence[str], open: Callable[..., Any] | None = None, draft: Callable[..., Any] | None = None
+) -> int: ...
 @final
 class Skin(_Made):
     @staticmethod
