@@ -139,6 +139,36 @@ def test_zarr_of_other_kinds(tmp_path):
     refuse(zarr_file(tmp_path / "inf.zip", {"data/timestamps/0": np.append(np.arange(39) / 10, np.inf).tobytes()}), "time|frame 39", layout=FILE_TIME)
 
 
+@pytest.mark.parametrize("shards", [None, (400, 6)])
+def test_chunks_are_decoded_once(shards, tmp_path, monkeypatch):
+    """A file is read and a chunk decoded once, whatever the blocks of frames."""
+    zarr = pytest.importorskip("zarr")
+    if not hasattr(zarr, "create_array"):
+        pytest.skip("zarr 3 is needed")
+    from dermatome.recordings import zarr as ours
+
+    rows = np.random.default_rng(2).random((380, 6), dtype=np.float32) + 1
+    array = zarr.create_array(str(tmp_path / "a.zarr"), shape=rows.shape, dtype="float32", chunks=(100, 2), shards=shards)
+    array[:] = rows
+    read, decoded = [], []
+    reads, decodes = ours.Store.read, ours.Array._numbers
+    monkeypatch.setattr(ours.Store, "read", lambda self, name, most: read.append(name) or reads(self, name, most))
+    monkeypatch.setattr(ours.Array, "_numbers", lambda self, data, where: decoded.append(where) or decodes(self, data, where))
+    for step in (7, 64, 100, 380):
+        array = ours.Array(ours.Store(tmp_path / "a.zarr"), "")
+        read.clear()
+        decoded.clear()
+        got = np.concatenate([array.read(k, min(k + step, 380)) for k in range(0, 380, step)])
+        assert np.array_equal(got, rows) and len(decoded) == 12 and len(read) == (1 if shards else 12), step
+        assert len(array.kept) == 3  # Those that a next block would begin in.
+
+
+def test_the_checksum_of_a_shard_is_that_of_castagnoli():
+    from dermatome.recordings.zarr import crc32c
+
+    assert crc32c(b"123456789") == 0xE3069283 and crc32c(b"") == 0
+
+
 @pytest.mark.parametrize("shards", [None, (20, 5)])
 def test_zarr_3(shards, tmp_path):
     zarr = pytest.importorskip("zarr")
