@@ -314,7 +314,8 @@ def test_rates_of_hdf5_stand_around_the_readings(tmp_path):
     assert stated("near.h5", [("/", "fps", 30), ("runs", "unit", b"kPa"), *both]) == {"rate": 25.0, "unit": "kPa"}
     assert stated("beside.h5", [("/", "rate", 30)], [(f"runs/{run}/rate", 25.0) for run in ("one", "two")]) == {"rate": 25.0}
     assert stated("else.h5", [], [("meta/fps", 25)]) == {"rate": 25.0}
-    assert stated("two.h5", [], [("camera/fps", 30), ("hand/fps", 25)]) == {}
+    assert stated("two.h5", [], [("meta/fps", 30), ("info/fps", 25)]) == stated("camera.h5", [], [("camera/fps", 30)]) == {}
+    assert stated("above.h5", [], [("runs/fps", 50), ("meta/fps", 25)]) == {"rate": 50.0}
     assert stated("mask.h5", [("/", "rate", True), ("runs", "hz", [1.0, 2.0])]) == {}
     with pytest.raises(dermatome.DataError, match="found the rate 25.0 of runs/one/hand/tactile and 50.0 of runs/two"):
         stated("other.h5", [("runs/one", "rate", 25), ("runs/two", "rate", 50)])
@@ -324,6 +325,35 @@ def test_rates_of_hdf5_stand_around_the_readings(tmp_path):
         file[f"{deep}/tactile"], file.attrs["rate"] = ROWS, 25
     assert Readings.open(tmp_path / "deep.h5", stream=f"{deep}/tactile").says == {}
     refuse(tmp_path / "near.h5", "25", stream="runs/one/hand/tactile", layout={**LAYOUT, "time": {"rate": 50}, "channels": [{"name": "pressure", "unit": "kPa"}]})
+
+
+def test_groups_of_many_links_are_listed_once(tmp_path):
+    """A graph of 30 groups with two links each has 2^30 paths."""
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        group = file.create_group("g0")
+        for k in range(1, 30):
+            group["a"] = group["b"] = file.create_group(f"g{k}")
+            group = group["a"]
+        group["tactile"] = ROWS
+        # The name of a hard link counts, wherever a soft one stands.
+        file["episode_1"], file["a_link"] = file["g0"].file.create_group("demo"), h5py.SoftLink("/demo")
+        file["demo/tactile"] = ROWS + 1
+    streams = Readings.open(tmp_path / "a.h5").streams
+    assert len(streams) == 2 and not any("a_link" in name for name in streams)
+
+
+def test_flags_of_one_episode_are_not_those_of_others(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    for name, lengths in (("same", (40, 40)), ("other", (40, 30))):
+        with h5py.File(tmp_path / f"{name}.h5", "w") as file:
+            for k, length in enumerate(lengths):
+                file[f"data/demo_{k}/tactile"] = ROWS[:length]
+            file["validity/tactile"] = np.arange(40) != 7
+    got = [Readings.open(tmp_path / f"{name}.h5", stream="data/*/tactile", layout=LAYOUT) for name in ("same", "other")]
+    same, other = (each.read() for each in got)
+    assert np.isfinite(same.values).all() and np.flatnonzero(np.isnan(other.values[:, 0]).all(axis=1)).tolist() == [7]
+    assert any(what == "validity" and "2 episodes" in value for what, value, _ in got[0].statements)
 
 
 def test_hdf5_of_other_kinds(h5, tmp_path):
