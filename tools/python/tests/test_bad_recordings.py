@@ -673,7 +673,7 @@ def test_episodes_of_an_array_and_pointers(tmp_path):
 
 
 def test_stamps_of_foxglove(tmp_path):
-    writer = pytest.importorskip("mcap.writer")
+    writer, adapter = pytest.importorskip("mcap.writer"), pytest.importorskip("dermatome.ros")
 
     def write(name, stamp):
         with open(tmp_path / name, "wb") as file:
@@ -689,5 +689,11 @@ def test_stamps_of_foxglove(tmp_path):
 
     path = write("a.mcap", lambda k: {"sec": 5, "nsec": k * 10**7})
     got = Readings.open(path, layout=HEADER_TIME).read()
+    flat = dermatome.build(dermatome.Skin.from_arrays([[0.005 * (k % 5), 0.005 * (k // 5), 0] for k in range(10)]))
+    ids = flat.ids[:5]
+    alone = adapter.read(path, "/skin", flat, values="pressure", ids=ids)
+    assert np.array_equal(alone.values[:, 0, :5], ROWS) and np.allclose(alone.timestamps - 5, got.timestamps, rtol=0, atol=1e-12)
     assert np.array_equal(got.values[:, 0], ROWS) and np.allclose(got.timestamps, np.arange(40) / 100, rtol=0, atol=1e-12)
     refuse(write("b.mcap", lambda k: {"secs": 5}), r"message 0 of /skin: found the stamp \[.*'secs'\]; needed: whole numbers", layout=HEADER_TIME)
+    with pytest.raises(dermatome.DataError, match=r"message 0 of /skin: found the stamp .*needed: whole numbers"):
+        adapter.read(tmp_path / "b.mcap", "/skin", flat, values="pressure", ids=ids)
