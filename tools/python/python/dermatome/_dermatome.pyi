@@ -347,7 +347,7 @@ def build(
     magnify: float = 0.0,
     magnify_over: Literal["skin", "patch"] = "skin",
     overlap: _Overlap = "prevent",
-    boundary: str = "free",
+    boundary: Literal["free", "circle"] = "free",
     cut: Literal["auto", "none", "all"] | _Pairs | None = None,
     max_area_ratio: float | None = None,
     seam_side: ArrayLike | None = None,
@@ -514,7 +514,7 @@ def flatten(
     perimeter: float = 0.0,
     magnify: float = 0.0,
     overlap: _Overlap = "prevent",
-    boundary: str = "free",
+    boundary: Literal["free", "circle"] = "free",
     acuity: ArrayLike | None = None,
     threads: int = 0,
 ) -> Flattening: ...
