@@ -13,6 +13,7 @@ import os
 import zipfile
 import zlib
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -281,8 +282,8 @@ class Array:
                 yield at, self._filled(f"{file} {inner}", self.inner)
             else:
                 first, count = table[inner].tolist()
-                part = data[first : first + count]
-                yield at, self._once((file, inner), at[0] + self.inner[0], lambda part=part: self._numbers(part, f"{self.store.path}: {file}"))
+                decode = partial(self._numbers, data[first : first + count], f"{self.store.path}: {file}")
+                yield at, self._once((file, inner), at[0] + self.inner[0], decode)
 
     def _filled(self, file: str, shape: Any) -> Any:
         """A chunk that is not stored."""
