@@ -614,6 +614,7 @@ class EventDetector:
         unit: str = "Pa",
         probe: Literal["any", "finger", "foot"] = "any",
         threshold: float | None = None,
+        tared: bool = False,
         words: Sequence[tuple[str, Sequence[float], str]] | None = None,
         **limits: float,
     ) -> EventDetector: ...
