@@ -10,7 +10,7 @@ use std::sync::{Arc, Mutex};
 use crate::common::{data, npy, npy_ordered};
 use dermatome::id::VertexId;
 use dermatome::io::{
-    IoError, Readings, ReadingsLayout, ReadingsReader, ReadingsWriter, read_draft, read_gains,
+    IoError, KnownRest, Readings, ReadingsLayout, ReadingsReader, ReadingsWriter, read_draft, read_gains,
 };
 use dermatome::map::SkinMap;
 use dermatome::mesh::shapes;
@@ -393,6 +393,53 @@ fn readings_without_times_are_read_back_without() {
         let error = write("b.csv", bad).unwrap_err().to_string();
         assert!(error.contains("channel") && !folder.path().join("b.csv").exists(), "{error}");
         write("b.npz", bad).unwrap();
+    }
+}
+
+/// What is known where nothing touches is stated by an archive; arrays of these names that are no single number are about
+/// something else.
+#[test]
+fn what_is_known_at_rest_is_read_back() {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("a.npz");
+    let skin = Skin::from_mesh("square", shapes::square());
+    let mut frame = Frame::new(&SkinMap::flat(shapes::square(), 0.1), 1);
+    frame.values[PatchId::new(0)][0] = vec![5.0; 4].into();
+    for rest in [
+        KnownRest::default(),
+        KnownRest { is_zero: true, threshold: None },
+        KnownRest { is_zero: true, threshold: Some(0.25) },
+    ] {
+        let taxels = skin.patches.iter().map(|p| &p.taxels);
+        let channel = Channel::new("pressure", "Pa").unwrap();
+        let mut writer = ReadingsWriter::create(&path, taxels, &[channel], true).unwrap();
+        writer.state_rest(rest).unwrap();
+        writer.write(&frame).unwrap();
+        writer.finish().unwrap();
+        let reader = ReadingsReader::open(&path, ReadingsLayout::default()).unwrap();
+        let stated = reader
+            .statements()
+            .iter()
+            .map(|known| format!("{}: {}", known.what, known.value))
+            .collect::<Vec<_>>();
+        assert_eq!(stated.contains(&"zero: subtracted before".to_owned()), rest.is_zero, "{stated:?}");
+        assert_eq!(stated.contains(&"threshold: 0.25 Pa".to_owned()), rest.threshold.is_some(), "{stated:?}");
+        assert_eq!(reader.rest, rest);
+        assert_eq!(Readings::collect(reader, || ()).unwrap().rest, rest);
+    }
+    let with = |name: &'static str, shape: &[usize], number: f64| {
+        let values = npy("<f8", &[2, 4], &doubles([1.0; 8]));
+        let count = shape.iter().product();
+        let other = npy("<f8", shape, &doubles(vec![number; count]));
+        fs::write(&path, npz(&[("values", values), (name, other)], false)).unwrap();
+        ReadingsReader::open(&path, ReadingsLayout::default()).map(|reader| reader.rest)
+    };
+    assert_eq!(with("threshold", &[1], 2.0).unwrap().threshold, Some(2.0));
+    assert_eq!(with("threshold", &[4], -1.0).unwrap(), KnownRest::default());
+    for (name, number) in
+        [("threshold", 0.0), ("threshold", f64::NAN), ("is_tared", 2.0), ("is_tared", f64::NAN)]
+    {
+        assert!(message(with(name, &[], number)).contains(name), "{name} {number}");
     }
 }
 

@@ -363,6 +363,49 @@ await test('landmarks that are clicked on two skins are those that build takes',
   await close(again);
 });
 
+await test('an atlas of one patch shows its coarsest level below those of the whole skin', async () => {
+  const page = await open(join(folder, 'landmarks.html'));
+  const shown = await page.evaluate(() => {
+    const d = window.dermatome, atlas = d.landmarks.stage, own = d.patches[0].most, { most, body } = atlas.patches[0], levels = [];
+    d.setPaint('field');
+    for (let level = 0; level <= +document.getElementById('level').max; level++) { d.setLevel(level); d.draw(); levels.push(atlas.view.level); }
+    return { levels, own, most, body: body.length };
+  });
+  assert.ok(shown.body === 0 && shown.levels.length > shown.own, JSON.stringify(shown));
+  assert.deepEqual(shown.levels, shown.levels.map((_, level) => Math.min(level, shown.most - 1)), JSON.stringify(shown));
+  await close(page);
+});
+
+await test('tables of landmarks have the words of other tables', async () => {
+  const page = await open(join(folder, 'landmarks.html'));
+  for (const [head, sign] of [['taxel_id,atlas_taxel_id', ','], ['ID;Atlas_Taxel_ID', ';'], ['id\tatlas_taxel_id', '\t'], ['Taxel_id;atlas_taxel_id;NAME', ';']]) {
+    const rows = hands.slice(0, 5).map(([own, other]) => [own, other, ...(head.includes('NAME') ? ['"a;b"'] : [])].join(sign));
+    await page.evaluate(() => document.documentElement.dataset.landmarks = '');
+    await page.setInputFiles('#landmarks-file', { name: 'x.csv', mimeType: 'text/csv', buffer: Buffer.from(`${head}\n${rows.join('\n')}\n`) });
+    await page.waitForSelector('html[data-landmarks="5"]');
+    assert.equal(await page.textContent('#landmarks-wrong'), '', head);
+  }
+  assert.equal(await page.locator('#landmarks-list input').first().inputValue(), 'a;b');
+  await close(page);
+});
+
+await test('a flipped triangle is under the pointer only where it lies', async () => {
+  const page = await open(join(folder, 'landmarks.html'));
+  const found = await page.evaluate(() => {
+    // The second triangle is flipped, and the place is outside of it.
+    const patch = { faces: 2, sheet: [0, 0, 1, 0, 0, 1, 1, 0.4, 0.6, 1, 1, 1], triangles: [0, 1, 2, 3, 5, 4] };
+    for (const turned of [[3, 5, 4], [3, 4, 5]]) {
+      patch.triangles.splice(3, 3, ...turned);
+      const grid = new window.dermatome.stage.grid.constructor([patch], [1, 1]);
+      const at = [grid.find(0.3, 0.3), grid.find(0.9, 0.9)];
+      if (at[0]?.face !== 0 || at[1]?.face !== 1 || Math.min(...at[1].weights) < 0) return { turned, at };
+    }
+    return null;
+  });
+  assert.equal(found, null, JSON.stringify(found));
+  await close(page);
+});
+
 await test('the page says when landmarks are those of the other hand', async () => {
   const page = await open(join(folder, 'landmarks.html'));
   const table = (order) => `taxel_id,atlas_taxel_id\n${hands.map(([own], k) => `${own},${hands[5 * Math.floor(k / 5) + order[k % 5]][1]}\n`).join('')}`;

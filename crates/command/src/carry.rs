@@ -4,7 +4,7 @@ use std::process::ExitCode;
 use std::sync::Arc;
 
 use dermatome::Error;
-use dermatome::io::ReadingsWriter;
+use dermatome::io::{KnownRest, ReadingsWriter};
 use dermatome::recording::FrameRange;
 use dermatome::signal::{Carry, Frame, Quantity};
 use dermatome::skin::Presence;
@@ -71,6 +71,9 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let patches = to.patches.iter().map(|patch| &patch.taxels);
     let has_times = recording.report().has_times;
     let mut writer = ReadingsWriter::create(output, patches, &channels, has_times).map_err(Error::from)?;
+    // A threshold is of the taxels of the skin that was touched.
+    let is_zero = recording.is_tared();
+    writer.state_rest(KnownRest { is_zero, threshold: None }).map_err(Error::from)?;
     let bar = progress::frames(common, recording.frames(), is_stream(&args.readings));
     let mut carried = Frame::new(&to, channels.len());
     let (mut lost, mut all) = (0.0, 0.0);

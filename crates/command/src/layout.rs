@@ -5,7 +5,7 @@ use std::io::{BufWriter, Write};
 use std::process::ExitCode;
 
 use dermatome::Error;
-use dermatome::io::{IoError, ReadingsReader, replace_file};
+use dermatome::io::{IoError, replace_file};
 
 use crate::console::notes::note;
 use crate::console::print::print;
@@ -29,7 +29,7 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
-    let draft = ReadingsReader::draft_layout(&args.readings, args.stream.as_deref()).map_err(Error::from)?;
+    let draft = common.containers.draft(&args.readings, args.stream.as_deref()).map_err(Error::from)?;
     if is_stream(&args.output) {
         print(&draft)?;
         return Ok(ExitCode::SUCCESS);

@@ -38,7 +38,7 @@ use crate::console::errors;
 use crate::files::{outputs, paths, signals};
 use crate::options::Common;
 
-pub use crate::options::{Containers, OpenContainer};
+pub use crate::options::{Containers, DraftContainer, OpenContainer};
 
 /// Somatosensory maps of robot skin.
 ///

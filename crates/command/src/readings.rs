@@ -297,11 +297,7 @@ impl ReadingsArgs {
             }
             .map_err(Error::from)?
         } else {
-            match common.containers.open(path, &read) {
-                Some(opened) => opened,
-                None => ReadingsReader::open(path, read),
-            }
-            .map_err(Error::from)?
+            common.containers.open(path, read).map_err(Error::from)?
         };
         if let Some(path) = &self.columns {
             let columns = rows_of(path, read_order(path), common)?;

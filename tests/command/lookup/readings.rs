@@ -106,6 +106,29 @@ fn times_that_go_back_are_noted() {
     }
 }
 
+/// Forces of contacts are 0 where nothing touches, and an archive says so: a contact of the first frame is none of the zero that
+/// `summary` subtracts. What `carry` makes of them says it, too.
+#[test]
+fn forces_of_contacts_have_a_known_zero() {
+    let fixture = plane();
+    let rows: String = (0..12)
+        .map(|k| format!("0.02,0.02,0,{},{}\n", 2.0 + 0.01 * f64::from(k % 2), 0.1 * f64::from(k)))
+        .collect();
+    fixture.answers(&format!("x,y,z,force,time\n{rows}"), "--readings touch.npz");
+    common::dermatome(&fixture.folder, "carry map.glb touch.npz --to map.glb -o carried.npz")
+        .assert()
+        .success();
+    common::dermatome(&fixture.folder, "render map.glb touch.npz -o drawn.npz").assert().success();
+    for name in ["touch.npz", "carried.npz"] {
+        let said = common::dermatome(&fixture.folder, &format!("summary map.glb {name} -o sums.csv --json"))
+            .assert()
+            .success();
+        let said = common::json(&said.get_output().stdout);
+        let peak = said["groups"][0]["force_peak"].as_f64().unwrap();
+        assert!((peak - 2.01).abs() < 1e-9, "{name}: {peak}");
+    }
+}
+
 /// A recording has a frame; a table of answers may be empty.
 #[test]
 fn a_table_without_contacts_makes_no_recording() {

@@ -49,7 +49,8 @@ export class Grid {
       const a = 2 * p.triangles[f], b = 2 * p.triangles[f + 1], c = 2 * p.triangles[f + 2];
       const ax = s[a] - x, ay = s[a + 1] - y, bx = s[b] - x, by = s[b + 1] - y, cx = s[c] - x, cy = s[c + 1] - y;
       const u = bx * cy - by * cx, v = cx * ay - cy * ax, w = ax * by - ay * bx, sum = u + v + w;
-      const least = Math.min(u, v, w) / sum;
+      // The sum is negative where the triangle is flipped.
+      const least = Math.min(u / sum, v / sum, w / sum);
       if (least >= most) { most = least; best = { patch: this.patchOf[k], face: this.faceOf[k], weights: [u / sum, v / sum, w / sum] }; }
     }
     return best;

@@ -47,8 +47,15 @@ export class Landmarks {
     this.update();
   }
 
+  /** The level of the atlas that is shown for one of the skin: the same, or its coarsest. */
+  private levelFor(level: number): number {
+    const own = this.own.patches[0].most, { most, body } = this.stage.patches[0];
+    return level < own || body.length === 0 ? Math.min(level, most - 1) : most + Math.min(level - own, body.length - 1);
+  }
+
   /** Paints the atlas as the skin is painted, as far as it has the same values. */
-  paint(name: string, level: number): void {
+  paint(name: string, of: number): void {
+    const level = this.levelFor(of);
     const { patches, view } = this.stage, paints = paint(name === 'recording' ? 'plain' : name, patches, level, this.data.header.atlas!.regions, this.data.header.atlas!.modalities);
     view.level = level;
     patches.forEach((patch, k) => {

@@ -26,16 +26,16 @@ export function toCsv(own: Patch[], other: Patch[], pairs: Pair[]): string {
   return line(([name]) => name) + pairs.map((pair) => line(([, of]) => of(pair))).join('');
 }
 
-/** The cells of the lines of a table, with quotes. */
+/** The cells of the lines of a table, with quotes, between the first of these signs that its first line has. */
 function cellsOf(text: string): string[][] {
-  const rows: string[][] = [];
+  const rows: string[][] = [], first = text.split('\n', 1)[0], sign = [',', ';', '\t'].find((each) => first.includes(each));
   let [row, cell, isQuoted] = [[] as string[], '', false];
   const end = (): void => { row.push(cell.trim()); cell = ''; };
   for (let k = 0; k < text.length; k++) {
     const c = text[k];
     if (isQuoted) { if (c !== '"') cell += c; else if (text[k + 1] === '"') { cell += '"'; k++; } else isQuoted = false; }
     else if (c === '"') isQuoted = true;
-    else if (c === ',') end();
+    else if (c === sign) end();
     else if (c === '\n') { end(); rows.push(row); row = []; }
     else if (c !== '\r') cell += c;
   }
@@ -45,8 +45,9 @@ function cellsOf(text: string): string[][] {
 
 /** The landmarks of a table, without a name where it gives none, and what is wrong with rows that are none. */
 export function fromCsv(own: Patch[], other: Patch[], text: string): { pairs: Pair[]; wrong: string[] } {
-  const [head = [], ...rows] = cellsOf(text.replace(/^\uFEFF/, '')), column = (name: string): number => head.indexOf(name);
-  const [id, otherId] = [column('taxel_id'), column('atlas_taxel_id')];
+  const [head = [], ...rows] = cellsOf(text.replace(/^\uFEFF/, '')), small = head.map((name) => name.toLowerCase());
+  const column = (name: string): number => (head.includes(name) ? head.indexOf(name) : small.indexOf(name));
+  const [id, otherId] = [column('taxel_id') < 0 ? column('id') : column('taxel_id'), column('atlas_taxel_id')];
   if (id < 0 || otherId < 0) return { pairs: [], wrong: ['The table needs the columns taxel_id and atlas_taxel_id.'] };
   const pairs: Pair[] = [], wrong: string[] = [];
   rows.forEach((row, k) => {

@@ -49,8 +49,8 @@ use crate::{
 ///     Over what densities are compared.
 /// overlap : {"prevent", "allow"}
 ///     What happens where the map of least distortion overlaps itself.
-/// boundary : str
-///     "free", "circle", "rectangle" or "rectangle:WIDTH:HEIGHT".
+/// boundary : {"free", "circle"}
+///     What outline a map has: that of least distortion, or a circle.
 /// cut : {"auto", "none", "all"} or (k, 2) array_like of int
 ///     Where to cut first; pairs are ids of taxels that an edge joins.
 /// max_area_ratio : float, optional

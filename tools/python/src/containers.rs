@@ -13,7 +13,7 @@ use dermatome::{
     signal::Channel,
     skin::TaxelId,
 };
-use dermatome_command::Containers;
+use dermatome_command::{Containers, DraftContainer, OpenContainer};
 use numpy::{PyReadonlyArray1, PyReadonlyArray3};
 use pyo3::{exceptions::PyStopIteration, prelude::*};
 
@@ -31,23 +31,35 @@ use crate::{errors::error, layout::PyLayout};
 ///     `open(path, stream, layout, episode)` opens a recording that the library does not read: the number of frames of each
 ///     episode, and an iterator of blocks; None if it is none. A block is episode, ids, channels, units, times, values,
 ///     whether readings are about 0 at rest, threshold and statements.
+/// draft : callable, optional
+///     `draft(path, stream)` is the text of a layout of such a recording; None if it is none.
 ///
 /// Returns
 /// -------
 /// int
 ///     The exit code.
 #[pyfunction]
-#[pyo3(signature = (args, open=None))]
-pub(crate) fn run_command(py: Python<'_>, args: Vec<OsString>, open: Option<Py<PyAny>>) -> u8 {
-    let containers = open.map_or_else(Containers::default, containers);
+#[pyo3(signature = (args, open=None, draft=None))]
+pub(crate) fn run_command(
+    py: Python<'_>,
+    args: Vec<OsString>,
+    open: Option<Py<PyAny>>,
+    draft: Option<Py<PyAny>>,
+) -> u8 {
+    let containers = Containers {
+        open: open.map(|open| {
+            let opens: Arc<OpenContainer> =
+                Arc::new(move |path, options| Python::attach(|py| opened(py, &open, path, options)));
+            opens
+        }),
+        draft: draft.map(|draft| {
+            let drafts: Arc<DraftContainer> =
+                Arc::new(move |path, stream| Python::attach(|py| drafted(py, &draft, path, stream)));
+            drafts
+        }),
+    };
     let code = py.detach(|| dermatome_command::run_with(args, containers));
     (0..=u8::MAX).find(|&number| ExitCode::from(number) == code).unwrap_or(u8::MAX)
-}
-
-fn containers(open: Py<PyAny>) -> Containers {
-    let open =
-        move |path: &Path, options: &ReadOptions| Python::attach(|py| opened(py, &open, path, options));
-    Containers(Some(Arc::new(open)))
 }
 
 /// The recording at a path, if `open` knows it.
@@ -68,6 +80,17 @@ fn opened(
         }),
         Err(error) => Some(Err(unreadable(py, path, &error))),
     }
+}
+
+/// The draft of a layout of the recording at a path, if `draft` knows it.
+fn drafted(
+    py: Python<'_>,
+    draft: &Py<PyAny>,
+    path: &Path,
+    stream: Option<&str>,
+) -> Option<Result<String, IoError>> {
+    let made = draft.call1(py, (path, stream)).and_then(|made| made.extract::<Option<String>>(py));
+    made.map_err(|error| unreadable(py, path, &error)).transpose()
 }
 
 /// An exception as an error of the library; its message names the path already.

@@ -7,7 +7,7 @@ use dermatome::diff::{Change, DiffOptions};
 use dermatome::io::{modules_of_skin, read_draft};
 use dermatome::signal::{
     BodyWord, Channel, ContactTracker, Duplicates, Event, EventContact, EventDetector, EventOptions,
-    EventPlace, Frame, Join, TrackerOptions, Word,
+    EventPlace, Frame, Join, Rest, TrackerOptions, Word,
 };
 use dermatome::skin::TaxelId;
 use glam::DVec3;
@@ -40,6 +40,9 @@ use crate::{
 /// threshold : float, optional
 ///     A contact has a taxel above this; by default estimated from the first frames, in which nothing should touch the
 ///     skin.
+/// tared : bool
+///     Whether readings are about 0 where nothing touches the skin, as those with `Readings.is_tared`; by default the mean of
+///     the frames from which the threshold is estimated is subtracted.
 /// words : sequence of (str, (3,) array_like, str)
 ///     Names of directions for strokes: a link, a direction in its frame, and the word.
 /// **limits
@@ -71,12 +74,14 @@ struct State {
 #[pymethods]
 impl PyEventDetector {
     #[new]
-    #[pyo3(signature = (map, *, unit="Pa", probe="any", threshold=None, words=None, **limits))]
+    #[pyo3(signature = (map, *, unit="Pa", probe="any", threshold=None, tared=false, words=None, **limits))]
+    #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
     fn new(
         #[pyo3(from_py_with = object)] map: &Bound<'_, PyMap>,
         #[pyo3(from_py_with = arg)] unit: &str,
         #[pyo3(from_py_with = arg)] probe: &str,
         #[pyo3(from_py_with = arg)] threshold: Option<f64>,
+        #[pyo3(from_py_with = arg)] tared: bool,
         #[pyo3(from_py_with = arg)] words: Option<Vec<(String, [f64; 3], String)>>,
         limits: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
@@ -98,7 +103,9 @@ impl PyEventDetector {
         }
         let probe = self::probe(probe)?;
         let channel = Channel::new("", unit).map_err(error)?;
-        let tracking = TrackerOptions { probe, low: probe.low(), threshold, ..TrackerOptions::default() };
+        let rest = if tared { Rest::AtZero } else { Rest::Learned };
+        let tracking =
+            TrackerOptions { probe, low: probe.low(), threshold, rest, ..TrackerOptions::default() };
         let tracker = ContactTracker::new(map, &channel, &tracking).map_err(error)?;
         let detector = EventDetector::new(map, options).map_err(error)?;
         let taxels = map.patches.iter().map(|patch| patch.taxels.ids.len()).sum();

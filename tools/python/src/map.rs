@@ -442,7 +442,7 @@ impl PyMap {
     /// Parameters
     /// ----------
     /// values : (..., N) array_like
-    ///     Readings in the order of the map; NaN where there is none.
+    ///     Readings in the order of the map; NaN or infinite where there is none.
     /// extensive : bool
     ///     Whether they are amounts, as forces, which are summed, and not averages, as pressures, which are weighted by the
     ///     areas of the taxels.
@@ -455,7 +455,7 @@ impl PyMap {
     /// Raises
     /// ------
     /// DataError
-    ///     If the shape is another, or a number is infinite.
+    ///     If the shape is another.
     #[pyo3(signature = (values, *, extensive=false))]
     fn pool_regions<'py>(
         &self,
@@ -713,7 +713,7 @@ impl PyMap {
     /// Parameters
     /// ----------
     /// values : (..., N) array_like
-    ///     Readings in the order of the map; NaN where there is none. Taxels that are not present have none; of the level of
+    ///     Readings in the order of the map; NaN or infinite where there is none. Taxels that are not present have none; of the level of
     ///     a modality those that are no sensors of it.
     /// level : int or str
     ///     The level, or one of `Map.field_levels`, as "body.L0" or "arm.thermal.L0", which have no contrast.
@@ -732,7 +732,7 @@ impl PyMap {
     /// Raises
     /// ------
     /// DataError
-    ///     If the shape is another, a number is infinite, or the map has no such level.
+    ///     If the shape is another, or the map has no such level.
     ///
     /// Examples
     /// --------
@@ -757,7 +757,9 @@ impl PyMap {
             MapLevel::Fields(_) if contrast => {
                 return Err(bad("contrast", "True", "False for a level of the whole body or of a modality"));
             }
-            MapLevel::Fields(at) => return pool_fields(py, &self.map, values, at, extensive),
+            MapLevel::Fields(at) => {
+                return pool_fields(py, &self.map, values, at, extensive, count("threads", threads)?);
+            }
         };
         let (threads, pooling) =
             (count("threads", threads)?, Pooling { map: &self.map, level, extensive, contrast });

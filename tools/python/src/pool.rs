@@ -13,6 +13,7 @@ use dermatome::{
 };
 use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
+use rayon::prelude::*;
 
 use crate::{
     arrays::{bad_shape, floats, vector, zeros},
@@ -209,6 +210,9 @@ pub(crate) fn pooling_of_fields(
     Ok(rows.into_matrix(py, count))
 }
 
+/// Frames that one thread takes at least: it copies the weights of all levels for them, which are as many numbers as a few frames.
+const LEAST_FRAMES: usize = 64;
+
 /// Carries readings of the taxels of a map to the fields of a level of the whole body or of a modality, whose sensors they are
 /// of then.
 pub(crate) fn pool_fields<'py>(
@@ -217,9 +221,10 @@ pub(crate) fn pool_fields<'py>(
     values: &Bound<'py, PyAny>,
     FieldLevel { modality, level }: FieldLevel,
     extensive: bool,
+    threads: usize,
 ) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
     let modality = modality.and_then(|number| map.body.modalities.get(number));
-    let mut fields = match modality {
+    let fields = match modality {
         Some(modality) => BodyFields::of_modality(map, modality),
         None => BodyFields::new(map),
     };
@@ -232,16 +237,21 @@ pub(crate) fn pool_fields<'py>(
     if let Some(modality) = modality {
         join.follow(map, &[Channel::new(&modality.name, "").map_err(error)?]);
     }
-    let mut frame = Frame::new(map, 1);
     let mut writer = pooled.readwrite();
-    let frames = writer.as_slice_mut()?.chunks_mut(count).zip(values.chunks(taxels.max(1)));
-    for (out, values) in frames {
-        join.fill(values, &mut frame);
-        fields.take(&frame, 0, quantity);
-        for (field, out) in out.iter_mut().enumerate() {
-            *out = narrow(fields.value(level, VertexId::new(field), quantity));
-        }
-    }
+    let frames = writer.as_slice_mut()?.par_chunks_mut(count.max(1)).zip(values.par_chunks(taxels.max(1)));
+    run_here(py, threads, |stop| {
+        frames.with_min_len(LEAST_FRAMES).for_each_init(
+            || (fields.clone(), Frame::new(map, 1)),
+            |(fields, frame), (out, values)| {
+                stop.check();
+                join.fill(values, frame);
+                fields.take(frame, 0, quantity);
+                for (field, out) in out.iter_mut().enumerate() {
+                    *out = narrow(fields.value(level, VertexId::new(field), quantity));
+                }
+            },
+        );
+    })?;
     Ok(pooled)
 }
 

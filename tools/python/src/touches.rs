@@ -2,7 +2,7 @@
 
 use std::{
     collections::{BTreeMap, BTreeSet},
-    path::PathBuf,
+    path::{Path, PathBuf},
     sync::Arc,
 };
 
@@ -10,8 +10,8 @@ use dermatome::{
     Error, Skin,
     id::IdVec,
     io::{
-        TouchRows, is_robot, read_joint_values, read_link_names, read_motion, read_robot, read_touches,
-        touches_from_bytes,
+        TouchRows, file_kind, is_robot, read_draft, read_joint_values, read_link_names, read_map,
+        read_motion, read_robot, read_touches, touches_from_bytes,
     },
     robot::Robot,
     signal::Channel,
@@ -65,6 +65,8 @@ type ReadingsArg<'py> = (Bound<'py, PyAny>, Option<Bound<'py, PyAny>>, Bound<'py
 #[pyo3(from_item_all)]
 pub(crate) struct TouchesArgs<'py> {
     skin: Option<Bound<'py, PyAny>>,
+    /// The file of the skin, if it was read from one.
+    drawing: Option<PathBuf>,
     readings: Option<ReadingsArg<'py>>,
     threshold: Option<f64>,
     pose: Option<PathBuf>,
@@ -201,6 +203,18 @@ fn note_columns(table: &str, columns: &[String], remarks: &mut Vec<String>) {
     }
 }
 
+/// The drawing of a link of a skin, with the taxels of its file that are in no triangle; a map has none.
+fn drawing_of(skin: &Skin, file: Option<&Path>, link: &str) -> Result<Drawing, Error> {
+    let mut drawing = Drawing::of_link(skin, link)?;
+    if let Some(path) = file {
+        let is_map = ["glb", "gltf"].contains(&&*file_kind(path)) && read_map(path).is_ok();
+        if !is_map {
+            drawing.add_bare(&read_draft(path)?, link);
+        }
+    }
+    Ok(drawing)
+}
+
 /// Turn a log into observations and a dict of how they were found.
 #[pyfunction]
 pub(crate) fn contacts_of_log<'py>(
@@ -216,8 +230,19 @@ pub(crate) fn contacts_of_log<'py>(
     let channel = channel.transpose()?;
     let mut remarks = Vec::new();
     let radius = arguments.radius.map(|radius| positive("radius", radius)).transpose()?;
-    let TouchesArgs { threshold, pose, joints, fit_joints, link, arm_noise, delay, skip, threads, .. } =
-        arguments;
+    let TouchesArgs {
+        drawing,
+        threshold,
+        pose,
+        joints,
+        fit_joints,
+        link,
+        arm_noise,
+        delay,
+        skip,
+        threads,
+        ..
+    } = arguments;
     let of_robot = pose.clone().filter(|path| is_robot(path));
     let robot = of_robot.map(|path| run(py, 0, move |_| read_robot(&path))?.map_err(error)).transpose()?;
     match (&robot, &joints) {
@@ -262,7 +287,7 @@ pub(crate) fn contacts_of_log<'py>(
             gain: stiffness.map(|stiffness| stiffness * std::f64::consts::PI * taxel * taxel),
             arm_noise,
             delay,
-            drawing: skin.as_deref().map(|skin| Drawing::of_link(skin, &link)).transpose()?,
+            drawing: skin.as_deref().map(|skin| drawing_of(skin, drawing.as_deref(), &link)).transpose()?,
             left_out: skip.into_iter().map(TaxelId).collect(),
         };
         let found = contacts_of_touches_with(&made.log, &options, stop.run())?;

@@ -122,9 +122,9 @@ impl PyContactTracker {
     /// Parameters
     /// ----------
     /// values : (N,) array_like
-    ///     Readings in the order of the map; NaN where there is none.
+    ///     Readings in the order of the map; NaN or infinite where there is none.
     /// time : float, optional
-    ///     Time of the frame, in s; without times frames count as 0.1 s apart, for `probe="finger"` and `at_once`.
+    ///     Time of the frame, in s; where it is before the last one, or long after it, all contacts end; without times frames count as 0.1 s apart, for `probe="finger"` and `at_once`.
     ///
     /// Returns
     /// -------
@@ -136,7 +136,7 @@ impl PyContactTracker {
     /// Raises
     /// ------
     /// DataError
-    ///     If the shape is another, a number is infinite, or the time is not after the last one.
+    ///     If the shape is another.
     #[pyo3(signature = (values, time=None))]
     fn track<'py>(
         &self,

@@ -221,6 +221,16 @@ def test_ray_draws_episodes_and_goes_on_where_it_was(dome_map, tmp_path):
         adapter.Render(dome_map.to_bytes(), tmp_path / "fields", 9)
 
 
+def test_ray_says_that_an_episode_has_no_frame(dome_map, tmp_path, monkeypatch):
+    import dermatome.ray as adapter
+
+    render = adapter.Render(dome_map.to_bytes(), tmp_path / "images", 1)
+    monkeypatch.setattr(render, "_episode", lambda row: iter([]))
+    said = render({"path": "a.h5", "episode": 3, "file": "a.000003"})
+    assert said["frames"] == 0 and said["error"] == "a.h5: found no frame in episode 3; needed: one or more"
+    assert not list((tmp_path / "images").iterdir())
+
+
 def test_ray_gives_the_same_total(dome_map, tmp_path):
     ray = pytest.importorskip("ray")
     arrow = pytest.importorskip("pyarrow")
@@ -269,6 +279,10 @@ def test_genesis_probes(dome_map):
     index = dome_map.index()
     assert abs(index.locate(grid["probe_local_pos"][inside]).distance).max() < 1e-9
     assert np.allclose(np.linalg.norm(grid["probe_local_normal"][inside], axis=1), 1)
+    for wrong in (12, (12,), (12, 9, 3), (0, 9), (12, -9), (1.5, 9), "ab", ("a", 9), [None, 3]):
+        with pytest.raises(dermatome.DataError, match="grid: found .*needed: two whole numbers above 0"):
+            adapter.probes(dome_map, grid=wrong)
+    assert adapter.probes(dome_map, grid=np.array([12, 9]))["probe_radius"].shape == (12, 9)
 
 
 def test_genesis_takes_the_probes(dome_map):

@@ -139,6 +139,36 @@ def test_zarr_of_other_kinds(tmp_path):
     refuse(zarr_file(tmp_path / "inf.zip", {"data/timestamps/0": np.append(np.arange(39) / 10, np.inf).tobytes()}), "time|frame 39", layout=FILE_TIME)
 
 
+@pytest.mark.parametrize("shards", [None, (400, 6)])
+def test_chunks_are_decoded_once(shards, tmp_path, monkeypatch):
+    """A file is read and a chunk decoded once, whatever the blocks of frames."""
+    zarr = pytest.importorskip("zarr")
+    if not hasattr(zarr, "create_array"):
+        pytest.skip("zarr 3 is needed")
+    from dermatome.recordings import zarr as ours
+
+    rows = np.random.default_rng(2).random((380, 6), dtype=np.float32) + 1
+    array = zarr.create_array(str(tmp_path / "a.zarr"), shape=rows.shape, dtype="float32", chunks=(100, 2), shards=shards)
+    array[:] = rows
+    read, decoded = [], []
+    reads, decodes = ours.Store.read, ours.Array._numbers
+    monkeypatch.setattr(ours.Store, "read", lambda self, name, most: read.append(name) or reads(self, name, most))
+    monkeypatch.setattr(ours.Array, "_numbers", lambda self, data, where: decoded.append(where) or decodes(self, data, where))
+    for step in (7, 64, 100, 380):
+        array = ours.Array(ours.Store(tmp_path / "a.zarr"), "")
+        read.clear()
+        decoded.clear()
+        got = np.concatenate([array.read(k, min(k + step, 380)) for k in range(0, 380, step)])
+        assert np.array_equal(got, rows) and len(decoded) == 12 and len(read) == (1 if shards else 12), step
+        assert len(array.kept) == 3  # Those that a next block would begin in.
+
+
+def test_the_checksum_of_a_shard_is_that_of_castagnoli():
+    from dermatome.recordings.zarr import crc32c
+
+    assert crc32c(b"123456789") == 0xE3069283 and crc32c(b"") == 0
+
+
 @pytest.mark.parametrize("shards", [None, (20, 5)])
 def test_zarr_3(shards, tmp_path):
     zarr = pytest.importorskip("zarr")
@@ -284,7 +314,8 @@ def test_rates_of_hdf5_stand_around_the_readings(tmp_path):
     assert stated("near.h5", [("/", "fps", 30), ("runs", "unit", b"kPa"), *both]) == {"rate": 25.0, "unit": "kPa"}
     assert stated("beside.h5", [("/", "rate", 30)], [(f"runs/{run}/rate", 25.0) for run in ("one", "two")]) == {"rate": 25.0}
     assert stated("else.h5", [], [("meta/fps", 25)]) == {"rate": 25.0}
-    assert stated("two.h5", [], [("camera/fps", 30), ("hand/fps", 25)]) == {}
+    assert stated("two.h5", [], [("meta/fps", 30), ("info/fps", 25)]) == stated("camera.h5", [], [("camera/fps", 30)]) == {}
+    assert stated("above.h5", [], [("runs/fps", 50), ("meta/fps", 25)]) == {"rate": 50.0}
     assert stated("mask.h5", [("/", "rate", True), ("runs", "hz", [1.0, 2.0])]) == {}
     with pytest.raises(dermatome.DataError, match="found the rate 25.0 of runs/one/hand/tactile and 50.0 of runs/two"):
         stated("other.h5", [("runs/one", "rate", 25), ("runs/two", "rate", 50)])
@@ -294,6 +325,35 @@ def test_rates_of_hdf5_stand_around_the_readings(tmp_path):
         file[f"{deep}/tactile"], file.attrs["rate"] = ROWS, 25
     assert Readings.open(tmp_path / "deep.h5", stream=f"{deep}/tactile").says == {}
     refuse(tmp_path / "near.h5", "25", stream="runs/one/hand/tactile", layout={**LAYOUT, "time": {"rate": 50}, "channels": [{"name": "pressure", "unit": "kPa"}]})
+
+
+def test_groups_of_many_links_are_listed_once(tmp_path):
+    """A graph of 30 groups with two links each has 2^30 paths."""
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        group = file.create_group("g0")
+        for k in range(1, 30):
+            group["a"] = group["b"] = file.create_group(f"g{k}")
+            group = group["a"]
+        group["tactile"] = ROWS
+        # The name of a hard link counts, wherever a soft one stands.
+        file["episode_1"], file["a_link"] = file["g0"].file.create_group("demo"), h5py.SoftLink("/demo")
+        file["demo/tactile"] = ROWS + 1
+    streams = Readings.open(tmp_path / "a.h5").streams
+    assert len(streams) == 2 and not any("a_link" in name for name in streams)
+
+
+def test_flags_of_one_episode_are_not_those_of_others(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    for name, lengths in (("same", (40, 40)), ("other", (40, 30))):
+        with h5py.File(tmp_path / f"{name}.h5", "w") as file:
+            for k, length in enumerate(lengths):
+                file[f"data/demo_{k}/tactile"] = ROWS[:length]
+            file["validity/tactile"] = np.arange(40) != 7
+    got = [Readings.open(tmp_path / f"{name}.h5", stream="data/*/tactile", layout=LAYOUT) for name in ("same", "other")]
+    same, other = (each.read() for each in got)
+    assert np.isfinite(same.values).all() and np.flatnonzero(np.isnan(other.values[:, 0]).all(axis=1)).tolist() == [7]
+    assert any(what == "validity" and "2 episodes" in value for what, value, _ in got[0].statements)
 
 
 def test_hdf5_of_other_kinds(h5, tmp_path):
@@ -613,7 +673,7 @@ def test_episodes_of_an_array_and_pointers(tmp_path):
 
 
 def test_stamps_of_foxglove(tmp_path):
-    writer = pytest.importorskip("mcap.writer")
+    writer, adapter = pytest.importorskip("mcap.writer"), pytest.importorskip("dermatome.ros")
 
     def write(name, stamp):
         with open(tmp_path / name, "wb") as file:
@@ -629,5 +689,11 @@ def test_stamps_of_foxglove(tmp_path):
 
     path = write("a.mcap", lambda k: {"sec": 5, "nsec": k * 10**7})
     got = Readings.open(path, layout=HEADER_TIME).read()
+    flat = dermatome.build(dermatome.Skin.from_arrays([[0.005 * (k % 5), 0.005 * (k // 5), 0] for k in range(10)]))
+    ids = flat.ids[:5]
+    alone = adapter.read(path, "/skin", flat, values="pressure", ids=ids)
+    assert np.array_equal(alone.values[:, 0, :5], ROWS) and np.allclose(alone.timestamps - 5, got.timestamps, rtol=0, atol=1e-12)
     assert np.array_equal(got.values[:, 0], ROWS) and np.allclose(got.timestamps, np.arange(40) / 100, rtol=0, atol=1e-12)
     refuse(write("b.mcap", lambda k: {"secs": 5}), r"message 0 of /skin: found the stamp \[.*'secs'\]; needed: whole numbers", layout=HEADER_TIME)
+    with pytest.raises(dermatome.DataError, match=r"message 0 of /skin: found the stamp .*needed: whole numbers"):
+        adapter.read(tmp_path / "b.mcap", "/skin", flat, values="pressure", ids=ids)

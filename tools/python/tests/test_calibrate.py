@@ -243,6 +243,14 @@ def test_readings_poses_and_drawings_may_be_apart(arm):
     unnamed = dermatome.Readings.from_arrays(np.array(values)[:, [names.index(i) for i in skin.ids]], timestamps=times)
     of_order, _ = dermatome.touches(log, skin=skin, readings=unnamed, threshold=1e-12, skip=[names[0]])
     assert np.array_equal(dermatome.calibrate(of_order).positions, dermatome.calibrate(drawn).positions)
+    # A taxel of a file that is in no triangle is one as the others, as for the command.
+    lonely, places = int(found.ids[-1]), np.array(found.positions)
+    places[-1] += [0, 0, 0.2]
+    rows = [f"{i},{x},{y},{z},0,0,-1" for i, (x, y, z) in zip(found.ids, places)]
+    (at / "drawn.csv").write_text("id,x,y,z,nx,ny,nz\n" + "\n".join(rows))
+    assert lonely not in dermatome.Skin.read(at / "drawn.csv").ids
+    assert json.loads(command(at, "touches log.csv --skin drawn.csv -o drawn_contacts.csv --json"))["taxels"] == 60
+    assert dermatome.touches(at / "log.csv", skin=at / "drawn.csv")[1]["taxels"] == 60
     with pytest.raises(dermatome.DataError, match="no ids of taxels; needed: ids, or skin"):
         dermatome.touches(log, readings=unnamed)
     assert drawn.n_taxels == 59

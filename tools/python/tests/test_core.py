@@ -110,6 +110,10 @@ def test_pool_is_the_pooling_matrix(dome_map):
         assert np.allclose(dome_map.pool(values, level), mean, rtol=1e-6)
         assert np.allclose(dome_map.pool(values, level, extensive=True), values @ weights, rtol=1e-6)
         assert np.array_equal(dome_map.pool(values, level, threads=1), dome_map.pool(values, level, threads=2))
+        # Infinite readings are missing ones.
+        lost = np.where(np.arange(256) % 5 == 0, np.inf, values)
+        gone = np.where(np.isinf(lost), np.nan, lost)
+        assert np.array_equal(dome_map.pool(lost, level), dome_map.pool(gone, level), equal_nan=True)
         two = np.stack([values, 2 * values], axis=1)
         assert np.array_equal(dome_map.pool(two, level)[:, 1], dome_map.pool(2 * values, level))
     values[:] = np.nan

@@ -1,9 +1,11 @@
 """`Readings`: its objects, its files, what it says."""
 
+import json
 import os
 import subprocess
 import sys
 import zipfile
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -62,6 +64,58 @@ def test_what_was_measured_is_kept(dome_map, tmp_path):
     assert np.array_equal(mixed.condition(dome_map, split=2.0).measured, np.repeat(filled.measured, 2, axis=1))
     with zipfile.ZipFile(tmp_path / "a.npz") as archive:
         assert "layout.npy" in archive.namelist()
+
+
+def test_a_known_zero_and_threshold_are_kept(dome_map, tmp_path):
+    """A touch of the first frame is no zero where one was subtracted, in every file and command."""
+    readings, _ = dermatome.touch(dome_map, presses=1, rate=50.0)
+    loaded = readings[int(np.argmax(readings.values.sum(axis=(1, 2)))) :]
+    tared = replace(loaded, is_tared=True, threshold=0.01)
+    unknown, known = (each.summary(dome_map)[0]["force_peak"] for each in (loaded, tared))
+    assert unknown < 0.5 * known
+    tared.write(tmp_path / "a.npz")
+    dome_map.write(tmp_path / "map.glb")
+    again = [Readings.read(tmp_path / "a.npz"), Readings.read(tmp_path / "a.npz", dome_map), Readings.open(tmp_path / "a.npz").read()]
+    try:
+        again.append(Readings.from_xarray(tared.to_xarray()))
+    except ImportError:
+        pass
+    for each in again:
+        assert (each.is_tared, each.threshold) == (True, 0.01) and each.summary(dome_map)[0]["force_peak"] == known
+    said = subprocess.run([sys.executable, "-m", "dermatome", "summary", "map.glb", "a.npz", "-o", "sums.csv", "--json"], capture_output=True, text=True, cwd=tmp_path)
+    whole = json.loads(said.stdout)["groups"][0]
+    assert whole["force_peak"] == pytest.approx(known, rel=1e-12), said.stderr
+    conditioned = loaded.condition(dome_map, zero=0.0)
+    conditioned.write(tmp_path / "b.npz")
+    assert Readings.read(tmp_path / "b.npz").is_tared and not Readings.read(tmp_path / "b.npz").threshold
+    loaded.write(tmp_path / "c.npz")
+    assert not Readings.read(tmp_path / "c.npz").is_tared
+    # A threshold is of one channel, in its unit.
+    assert Readings.read(tmp_path / "a.npz", units="kN").threshold is None
+    heat = Readings.from_arrays(np.ones((3, 2, 4)), channels=["force", "temperature"], units=["N", "K"])
+    heat = replace(heat, is_tared=True, threshold=0.5)
+    assert heat.select("force").threshold == 0.5 and heat.select(["temperature", "force"]).threshold == 0.5
+    assert heat.select("temperature").threshold is None
+
+
+@pytest.mark.parametrize("name, data", [("empty.npz", b""), ("array.npz", None), ("deflate.npz", "deflate"), ("empty.npy", b"")])
+def test_a_damaged_file_is_an_error_of_ours(name, data, tmp_path):
+    path = tmp_path / name
+    if data == "deflate":
+        np.savez_compressed(path, values=np.random.default_rng(1).random((40, 30)), layout=np.array("tnc"))
+        packed = bytearray(path.read_bytes())
+        packed[60:80] = bytes(20)
+        data = bytes(packed)
+    elif data is None:
+        with open(path, "wb") as file:
+            np.save(file, np.ones((3, 4)))
+    if data is not None:
+        path.write_bytes(data)
+    with pytest.raises(dermatome.Error, match=name):
+        Readings.read(path)
+    if name.startswith("empty"):
+        with pytest.raises(dermatome.Error, match=name):
+            Readings.open(path).draft()
 
 
 def test_readings_are_short_and_sliced(dome_map):

@@ -377,6 +377,31 @@ def test_the_command_draws_a_container(tmp_path):
         Readings.open(path, layout=tmp_path / "draft.json")
 
 
+def test_layout_of_a_container_has_the_options_of_the_command(tmp_path):
+    """Its recording is never replaced, `-` is standard output, and options are those of other recordings."""
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "rec.h5", "w") as file:
+        file["tactile"], file["camera"] = np.ones((3, 4)), np.ones((3, 8))
+
+    def command(*args):
+        return subprocess.run([sys.executable, "-m", "dermatome", *args], capture_output=True, text=True, cwd=tmp_path)
+
+    before = (tmp_path / "rec.h5").read_bytes()
+    for output in ("rec.h5", "./rec.h5"):
+        said = command("layout", "rec.h5", "-o", output)
+        assert said.returncode == 2 and "rec.h5" in said.stderr and (tmp_path / "rec.h5").read_bytes() == before
+    drafts = [command("layout", "rec.h5", *more).stdout for more in ((), ("-o", "-"), ("--threads", "1", "-q"), ("--stream=tactile",))]
+    assert all(json.loads(draft)["stream"] == "tactile" for draft in drafts) and len(set(drafts)) == 1
+    for k, more in enumerate((["-o"], ["--output"])):
+        assert command("layout", "rec.h5", *more, f"{k}.json", "--stream", "camera").returncode == 0
+    said = command("-q", "layout", "rec.h5", "--output=2.json", "--stream", "camera")
+    assert said.returncode == 0 and not said.stderr
+    assert len({(tmp_path / f"{k}.json").read_text() for k in range(3)}) == 1 and json.loads((tmp_path / "2.json").read_text())["stream"] == "camera"
+    said = command("layout", "rec.h5", "--stream", "foot")
+    assert said.returncode == 2 and "needed: one of" in said.stderr
+    assert sorted(each.name for each in tmp_path.iterdir()) == ["0.json", "1.json", "2.json", "rec.h5"]
+
+
 def test_the_border_of_an_episode_resets_everything(tmp_path):
     """Every command reads a container, and its episodes together are what each is by itself, also where one ends in contact."""
     h5py = pytest.importorskip("h5py")

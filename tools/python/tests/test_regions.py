@@ -163,6 +163,13 @@ def test_levels_without_a_mesh_are_levels_everywhere(tmp_path):
     assert weights.shape == (288, count) and np.allclose(weights.sum(axis=1), 1)
     assert np.allclose(made.pool(values, "body.L0", extensive=True), np.where(known, values, 0) @ weights)
     assert made.pooling("body.L0", patch="body").shape == (144, count)
+    # Frames are shared among threads, whose number is checked.
+    many = np.random.default_rng(4).random((200, 288))
+    one = made.pool(many, "body.L0", threads=1)
+    assert np.array_equal(one, made.pool(many, "body.L0", threads=3)) and np.array_equal(one[150], made.pool(many[150], "body.L0"))
+    for wrong in (-1, 10**6):
+        with pytest.raises(dermatome.DataError, match="threads: found"):
+            made.pool(many, "body.L0", threads=wrong)
     # Fields on both sides of the gap.
     regions = made.field_regions("body.L0")
     assert regions.shape == (count,) and set(regions) == {0, 1} and len(made.field_regions(1)) == made.n_fields(1)

@@ -279,6 +279,15 @@ def test_bags_without_definitions(store, grid_map, tmp_path):
     assert known.values[0, 0].tolist() == list(range(30))
 
 
+def test_ids_are_in_all_messages_or_in_none(store, grid_map, tmp_path):
+    kind = store.types["std_msgs/msg/Float32MultiArray"]
+    layout = store.types["std_msgs/msg/MultiArrayLayout"]([], 0)
+    path = bag(tmp_path / "a", store, [kind(layout, np.ones(30, np.float32)) for _ in range(3)])
+    given = iter([grid_map.ids, None, grid_map.ids])
+    with pytest.raises(dermatome.DataError, match="topic: found no ids in message 1; needed: ids in all messages, or in none"):
+        adapter.read(path, "/skin", grid_map, ids=lambda message: next(given))
+
+
 def test_errors_of_bags_are_ours(store, grid_map, tmp_path):
     (tmp_path / "empty").mkdir()
     (tmp_path / "a.mcap").write_bytes(b"nothing")

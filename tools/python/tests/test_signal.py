@@ -442,6 +442,9 @@ def test_tared_readings_may_begin_under_load(dome_map):
             tracker.track(row)
         tracker = copy.deepcopy(tracker)
         found[tared] = [len(tracker.track(row)) for row in pressed[10:]]
+        detector = dermatome.EventDetector(dome_map, tared=tared)
+        events = [event for k, row in enumerate(pressed) for event in detector.see(0.05 * k, row)] + detector.finish()
+        assert bool(events) == tared, events
     assert found == {True: [1] * 30, False: [0] * 30}
 
 

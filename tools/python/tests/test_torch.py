@@ -110,6 +110,12 @@ def test_touches_are_images_fields_and_contacts(uneven_map, holed_map):
         touches[len(touches)]
     found = Touches(holed_map, dermatome.touch(holed_map, presses=1)[0])
     assert 0 < found.contacts["touched"].mean() < 1 and found.contacts["force"].max() > 0.1
+    # Of another unit the force is not known, but the touch is.
+    for units in (None, "count"):
+        pressed = dermatome.touch(holed_map, presses=1)[0]
+        counts = Touches(holed_map, dermatome.Readings.from_arrays(1000 * pressed.values, units=units)).contacts
+        touched = counts["touched"]
+        assert touched.any() and np.isnan(counts["force"][touched]).all() and not counts["force"][~touched].any()
     with pytest.raises(dermatome.DataError, match="truth: found frame 0, patch 'foot'"):
         Touches(map, readings, {"frame": [0], "force": [1.0], "centre": [[0, 0, 0]], "patch": ["foot"]})
     with pytest.raises(dermatome.DataError, match="patch"):

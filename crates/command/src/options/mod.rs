@@ -63,20 +63,34 @@ pub(crate) struct Common {
 /// Opens a recording that the library does not read itself; `None` if this is none that is read there.
 pub type OpenContainer = dyn Fn(&Path, &ReadOptions) -> Option<Result<ReadingsReader, IoError>> + Send + Sync;
 
+/// Drafts a layout of one stream of such a recording, or of the only one; `None` if this is none that is read there.
+pub type DraftContainer = dyn Fn(&Path, Option<&str>) -> Option<Result<String, IoError>> + Send + Sync;
+
 /// Who reads files that the library does not: Zarr, LeRobot, HDF5 and bags, in the Python package. Files are tried with it
 /// first.
 #[derive(Clone, Default)]
-pub struct Containers(pub Option<Arc<OpenContainer>>);
+pub struct Containers {
+    /// Opens a recording.
+    pub open: Option<Arc<OpenContainer>>,
+    /// Drafts a layout.
+    pub draft: Option<Arc<DraftContainer>>,
+}
 
 impl Containers {
-    pub(crate) fn open(&self, path: &Path, options: &ReadOptions) -> Option<Result<ReadingsReader, IoError>> {
-        self.0.as_ref().and_then(|open| open(path, options))
+    pub(crate) fn open(&self, path: &Path, options: ReadOptions) -> Result<ReadingsReader, IoError> {
+        let opened = self.open.as_ref().and_then(|open| open(path, &options));
+        opened.unwrap_or_else(|| ReadingsReader::open(path, options))
+    }
+
+    pub(crate) fn draft(&self, path: &Path, stream: Option<&str>) -> Result<String, IoError> {
+        let drafted = self.draft.as_ref().and_then(|draft| draft(path, stream));
+        drafted.unwrap_or_else(|| ReadingsReader::draft_layout(path, stream))
     }
 }
 
 impl std::fmt::Debug for Containers {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_tuple("Containers").field(&self.0.is_some()).finish()
+        f.debug_tuple("Containers").field(&self.open.is_some()).field(&self.draft.is_some()).finish()
     }
 }
 

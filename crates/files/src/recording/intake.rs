@@ -147,6 +147,11 @@ impl Intake {
         self.conditioner.frames_to_learn()
     }
 
+    /// Whether readings of channels that measure touches are about 0 where nothing touches.
+    pub(super) fn is_tared(&self) -> bool {
+        self.rest.0 == Rest::AtZero
+    }
+
     /// What readings of a channel are at rest, and the threshold that is stated for it.
     pub(super) fn rest(&self, channel: usize) -> (Rest, Option<f64>) {
         let (rest, stated) = self.rest;

@@ -256,6 +256,12 @@ impl Recording {
         TrackerOptions { channel, noise_frames, rest, threshold, ..defaults }
     }
 
+    /// Whether readings of channels that measure touches are about 0 where nothing touches: the zero of a pressure or force is
+    /// stated, or one is subtracted.
+    pub fn is_tared(&self) -> bool {
+        self.intake.is_tared()
+    }
+
     /// Finds what touches the skin, and follows it from frame to frame. Where the threshold is estimated, the first
     /// step waits for the frames that it is estimated from.
     ///

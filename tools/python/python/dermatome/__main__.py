@@ -11,22 +11,20 @@ def main() -> int:
 
     Zarr, LeRobot, HDF5 and bags are read here, and so are drafts of their layouts.
     """
-    args = sys.argv[1:]
-    words = [k for k, each in enumerate(args) if not each.startswith("-")]
-    if words and args[words[0]] == "layout":
-        from dermatome.recordings.command import draft
-
-        code = draft(args[words[0] + 1 :])
-        if code is not None:
-            return code
-    return run_command(["dermatome", *args], _opened)
+    return run_command(["dermatome", *sys.argv[1:]], _opened, _drafted)
 
 
+# Most commands read no recording, and start without what reads them.
 def _opened(*asked: Any) -> Any:
-    # Most commands read no recording, and start without what reads them.
     from dermatome.recordings.command import opened
 
     return opened(*asked)
+
+
+def _drafted(*asked: Any) -> Any:
+    from dermatome.recordings.command import drafted
+
+    return drafted(*asked)
 
 
 if __name__ == "__main__":

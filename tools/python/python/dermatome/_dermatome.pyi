@@ -81,7 +81,9 @@ class _Made:
 
     def __init__(self, never: NoReturn, /) -> None: ...
 
-def run_command(args: Sequence[str], open: Callable[..., Any] | None = None) -> int: ...
+def run_command(
+    args: Sequence[str], open: Callable[..., Any] | None = None, draft: Callable[..., Any] | None = None
+) -> int: ...
 @final
 class Skin(_Made):
     @staticmethod
@@ -345,7 +347,7 @@ def build(
     magnify: float = 0.0,
     magnify_over: Literal["skin", "patch"] = "skin",
     overlap: _Overlap = "prevent",
-    boundary: str = "free",
+    boundary: Literal["free", "circle"] = "free",
     cut: Literal["auto", "none", "all"] | _Pairs | None = None,
     max_area_ratio: float | None = None,
     seam_side: ArrayLike | None = None,
@@ -512,7 +514,7 @@ def flatten(
     perimeter: float = 0.0,
     magnify: float = 0.0,
     overlap: _Overlap = "prevent",
-    boundary: str = "free",
+    boundary: Literal["free", "circle"] = "free",
     acuity: ArrayLike | None = None,
     threads: int = 0,
 ) -> Flattening: ...
@@ -612,6 +614,7 @@ class EventDetector:
         unit: str = "Pa",
         probe: Literal["any", "finger", "foot"] = "any",
         threshold: float | None = None,
+        tared: bool = False,
         words: Sequence[tuple[str, Sequence[float], str]] | None = None,
         **limits: float,
     ) -> EventDetector: ...

@@ -35,6 +35,9 @@ def from_xarray(make: Any, array: Any) -> Readings:
     if units is None and "units" in array.attrs:
         units = str(array.attrs["units"])
     made: Readings = make(array.values, ids=of("taxel"), timestamps=of("time"), channels=words, units=units)
+    threshold = array.attrs.get("threshold")
+    threshold = None if threshold is None else number_of("threshold", threshold, "a number, as an attribute")
+    made = replace(made, is_tared=bool(array.attrs.get("is_tared", False)), threshold=threshold)
     measured = of("measured")
     return made if measured is None else replace(made, measured=measured.reshape(made.values.shape).astype(bool))
 

@@ -115,6 +115,7 @@ class Readings:
             readings,
             channels=readings.channels if channels is None else names_of("channels", channels, count),
             units=readings.units if units is None else names_of("units", units, count),
+            threshold=readings.threshold if units is None else None,
             remarks=tuple(remarks),
         )
         return readings if map is None else readings.on(map)
@@ -201,8 +202,9 @@ class Readings:
     def from_xarray(array: Any) -> Readings:
         """Make a recording of an `xarray.DataArray` of the axes time and taxel, and channel if there are several.
 
-        Coordinates of these names are times, ids and names of channels, `unit` or the attribute `units` are units, and
-        `measured` says which values were measured, as `to_xarray` makes them.
+        Coordinates of these names are times, ids and names of channels, `unit` or the attribute `units` are units,
+        `measured` says which values were measured, and the attributes `is_tared` and `threshold` what is known where nothing
+        touches, as `to_xarray` makes them.
 
         Raises
         ------
@@ -265,7 +267,9 @@ class Readings:
         chosen = [self.channels.index(name) for name in names]
         measured = None if self.measured is None else self.measured[:, chosen]
         units = tuple(self.units[k] for k in chosen) if self.units else ()
-        return replace(self, values=self.values[:, chosen], channels=names, units=units, measured=measured)
+        made = replace(self, values=self.values[:, chosen], channels=names, units=units, measured=measured)
+        # It is of one channel.
+        return made if self.threshold is None or chosen[_main(made)] == _main(self) else replace(made, threshold=None)
 
     def drop(self, ids: ArrayLike) -> Readings:
         """The recording without the readings of these taxels, which are NaN: of faulty ones, or to see what depends on them.
@@ -370,7 +374,7 @@ class Readings:
         check_kind("map", map, Map, A_MAP)
         if self.ids is None:
             if self.values.shape[2] != map.n_taxels:
-                raise DataError(f"map: found {map.n_taxels} taxels; needed: {self.values.shape[2]}, or readings with ids")
+                raise DataError(f"readings: found {self.values.shape[2]} columns without ids; needed: {map.n_taxels}, one for each taxel of the map, or ids")
             return self
         values, said = join_readings(map, self.values, self.ids)
         measured = self.measured
@@ -585,13 +589,14 @@ class Readings:
         >>> whole["group"], whole["taxels"], whole["force_peak"] > 0
         ('whole', 81.0, True)
         """
-        from dermatome._dermatome import main_channel, summarise_readings
+        from dermatome._dermatome import summarise_readings
 
         joined = self.on(map)
         names = joined.channels or ("",)
         if channel is not None and channel not in names:
             raise DataError(f"channel: found {channel!r}; needed: one of {list(names)}")
-        number = main_channel(joined.channels, joined.units) if channel is None else names.index(channel)
+        main = _main(joined)
+        number = main if channel is None else names.index(channel)
         unit = joined.units[number] if joined.units else ""
         rows, found, _ = summarise_readings(
             map,
@@ -601,7 +606,7 @@ class Readings:
             unit,
             threshold=threshold,
             is_tared=joined.is_tared,
-            stated=joined.threshold,
+            stated=joined.threshold if number == main else None,
             probe=probe,
             level=level,
             by=by,
@@ -663,7 +668,8 @@ class Readings:
     def to_xarray(self, map: Map | None = None) -> Any:
         """The values as an `xarray.DataArray` of the axes time, channel and taxel.
 
-        Times, names and units of channels and ids of taxels are its coordinates, and `measured`.
+        Times, names and units of channels and ids of taxels are its coordinates, and `measured`; `is_tared` and `threshold` are
+        its attributes.
 
         Parameters
         ----------
@@ -694,6 +700,8 @@ class Readings:
         made = xarray.DataArray(self.values, dims=("time", "channel", "taxel"), coords=coords, name="readings")
         if self.measured is not None:
             made.coords["measured"] = (made.dims, self.measured)
+        # netCDF has no truth values.
+        made.attrs |= ({"is_tared": 1} if self.is_tared else {}) | ({} if self.threshold is None else {"threshold": self.threshold})
         return made
 
     def write(self, path: str | os.PathLike[str]) -> None:
@@ -718,6 +726,10 @@ class Readings:
             arrays["ids"] = self.ids
         if self.measured is not None:
             arrays["measured"] = by_taxel(self.measured).astype(np.uint8)
+        if self.is_tared:
+            arrays["is_tared"] = np.uint8(1)
+        if self.threshold is not None:
+            arrays["threshold"] = np.float64(self.threshold)
         finite = np.isfinite(self.timestamps)
         if finite.any():
             if not finite.all():
@@ -735,10 +747,15 @@ def of_arrays(arrays: dict[str, Any]) -> Readings:
     return replace(made, is_tared=is_tared, threshold=threshold)
 
 
+def _main(readings: Readings) -> int:
+    """The number of the channel that measures touches first, which `threshold` is of."""
+    from dermatome._dermatome import main_channel
+
+    return main_channel(readings.channels, readings.units)
+
+
 def _stored(path: Any) -> tuple[Any, Any]:
     """The layout that an .npz names, and which of its values were measured (T, C, N)."""
-    import zipfile
-
     import numpy as np
 
     if not str(path).lower().endswith(".npz"):
@@ -749,7 +766,7 @@ def _stored(path: Any) -> tuple[Any, Any]:
             if layout not in ("tnc", "tcn"):
                 return None, None
             measured = arrays["measured"] == 1 if "measured" in arrays.files else None
-    except (OSError, ValueError, zipfile.BadZipFile):
+    except Exception:  # Of a damaged file numpy raises what its parts do.
         return None, None  # `read_readings` says what is wrong.
     if measured is None or measured.ndim not in (2, 3):
         return layout, None

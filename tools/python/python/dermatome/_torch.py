@@ -184,8 +184,9 @@ class Touches(torch.utils.data.Dataset):  # type: ignore[misc, type-arg, unused-
     - `image` (C, H, W) float32 and `mask` (C, H, W) bool, where it shows a known reading; `fill` elsewhere. Amounts, as
       forces, are drawn per m^2;
     - `fields` (C, fields) float32 and `valid` (C, fields) bool, where they are known; 0 elsewhere. Amounts keep their total;
-    - `contact`: a dict of `touched` (bool), and of the strongest contact `force` (N, 0 without one), `centre` (3,) in m in
-      the frame of its link, and `patch`, its number among those of the map (-1 without one).
+    - `contact`: a dict of `touched` (bool), and of the strongest contact `force` (N, 0 without one; NaN where the unit is of no
+      force or pressure), `centre` (3,) in m in the frame of its link, and `patch`, its number among those of the map (-1
+      without one).
 
     It goes to forked and spawned workers: each makes the renderer of its own when it draws the first time. A loader that
     takes batches draws each at once.
@@ -332,10 +333,9 @@ def _blank(frames: int) -> dict[str, Any]:
 
 
 def _put(contacts: dict[str, Any], frame: int, force: float, centre: Any, patch: int) -> None:
-    """Keeps the strongest contact of a frame."""
-    if not contacts["touched"][frame] or force > contacts["force"][frame]:
-        for name, value in (("touched", True), ("force", force), ("centre", centre), ("patch", patch)):
-            contacts[name][frame] = value
+    """Takes a contact of a frame."""
+    for name, value in (("touched", True), ("force", force), ("centre", centre), ("patch", patch)):
+        contacts[name][frame] = value
 
 
 def _truth(map: Map, readings: Readings, truth: dict[str, Any]) -> dict[str, Any]:
@@ -348,7 +348,8 @@ def _truth(map: Map, readings: Readings, truth: dict[str, Any]) -> dict[str, Any
             raise DataError(f"truth: found frame {frame}, patch {patch!r}; needed: {needed}")
         if abs(time - times[frame]) > SAME_TIME:
             raise DataError(f"truth: found time[{row}] = {time} s of frame {frame}; needed: {times[frame]} s, as the readings have it")
-        _put(contacts, int(frame), float(force), centre, numbers[patch])
+        if not contacts["touched"][frame] or force > contacts["force"][frame]:
+            _put(contacts, int(frame), float(force), centre, numbers[patch])
     return contacts
 
 
@@ -357,13 +358,14 @@ def _tracked(map: Map, readings: Readings, threshold: float | None) -> dict[str,
     channel = main_channel(readings.channels, readings.units)
     unit = readings.units[channel] if readings.units else ""
     threshold = readings.threshold if threshold is None else threshold
-    tracker = ContactTracker(map, unit=unit or "Pa", threshold=threshold, tared=readings.is_tared)
+    tracker = ContactTracker(map, unit=unit, threshold=threshold, tared=readings.is_tared)
     times = [time if np.isfinite(time) else None for time in readings.timestamps.tolist()]
     for frame, (values, time) in enumerate(zip(readings.values[:, channel], times)):
-        for contact in tracker.track(values, time):
-            if contact["event"] != "release":
-                force = contact["force"] if np.isfinite(contact["force"]) else contact["peak"]
-                _put(contacts, frame, float(force), contact["centre"], numbers[contact["patch"]])
+        found = [contact for contact in tracker.track(values, time) if contact["event"] != "release"]
+        if found:
+            # Readings of another unit have no force, but the strongest of them are known.
+            strongest = max(found, key=lambda contact: contact["force"] if np.isfinite(contact["force"]) else contact["peak"])
+            _put(contacts, frame, strongest["force"], strongest["centre"], numbers[strongest["patch"]])
     return contacts
 
 

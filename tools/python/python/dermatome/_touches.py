@@ -108,6 +108,8 @@ def touches(
         check_kind("joints", joints, Mapping, "a value for each joint by its name, or the path of a table")
     arguments = {
         "skin": Skin.read(skin) if isinstance(skin, (str, os.PathLike)) else skin,
+        # Taxels of the log may be in no triangle of the file, and so not in the skin.
+        "drawing": skin if isinstance(skin, (str, os.PathLike)) else None,
         "readings": None if readings is None else _readings(readings, skin is not None),
         "threshold": threshold,
         "pose": pose,

@@ -6,6 +6,7 @@ from typing import Any
 
 from dermatome._adapter import level_of, need, patch_of
 from dermatome._dermatome import Map
+from dermatome._errors import DataError, shown, whole_of
 
 __all__ = ["probes"]
 
@@ -47,7 +48,7 @@ def probes(
     if grid is None:
         points, outward, radii = of.positions, of.normals, np.full(len(of.positions), size)
     else:
-        rows, columns = grid
+        rows, columns = _sides(grid)
         u = of.frame.x + (np.arange(columns) + 0.5) / columns * of.frame.width
         v = of.frame.y + (1 - (np.arange(rows) + 0.5) / rows) * of.frame.height
         places = np.stack(np.meshgrid(u, v), axis=-1)
@@ -56,3 +57,18 @@ def probes(
         radii = np.where(off > 0, 0.0, size).reshape(rows, columns)
     options = {"probe_local_pos": points, "probe_radius": radii}
     return {**options, "probe_local_normal": outward} if normals else options
+
+
+def _sides(grid: Any) -> tuple[int, int]:
+    """The rows and columns of a grid."""
+    needed = "two whole numbers above 0, rows and columns"
+    try:
+        sides = list(grid)
+    except TypeError:
+        sides = []
+    if len(sides) != 2:
+        raise DataError(f"grid: found {shown(grid)}; needed: {needed}")
+    rows, columns = (whole_of("grid", side, needed) for side in sides)
+    if rows < 1 or columns < 1:
+        raise DataError(f"grid: found {rows} rows and {columns} columns; needed: {needed}")
+    return rows, columns

@@ -166,6 +166,8 @@ class Render:
             parts = list(self._episode(row))
         except Error as error:
             return said | {"error": str(error)}
+        if not parts:
+            return said | {"error": f"{row['path']}: found no frame in episode {row['episode']}; needed: one or more"}
         first = parts[0]
         arrays = {"values": np.concatenate([self._values(part) for part in parts]), "timestamps": np.concatenate([part.timestamps for part in parts])}
         # Another worker may write the same episode.

@@ -17,7 +17,7 @@ from dermatome._errors import A_MAP, READINGS, DataError, FileError, MissingFile
 from dermatome._messages import Frame, arrays_in, field_of, frame_of, is_array, is_image, kind_of, readings_in, sensors_of, table_of
 from dermatome._readings import Readings
 from dermatome._whole import written
-from dermatome.recordings.ros import open_bag
+from dermatome.recordings.ros import open_bag, stamp_of
 
 __all__ = ["read", "write"]
 
@@ -92,7 +92,7 @@ def read(
     kind = ""
     at: list[float] = []
     recorded: list[int] = []
-    for time, message in _messages(path, topic, definitions):
+    for number, (time, message) in enumerate(_messages(path, topic, definitions)):
         kind = kind_of(message)
         own = ids(message) if callable(ids) else _named_ids(message, ids) if isinstance(ids, str) else ids
         own = None if own is None else np.asarray(own).ravel()
@@ -105,8 +105,8 @@ def read(
             raise DataError(f"topic: found the channels {made.names} in a message; needed: {frames[0].names} as before")
         _refuse_fields(map, own, made.values.shape[1])
         frames.append(replace(made, ids=own))
-        head = getattr(getattr(message, "header", None), "stamp", None)
-        at.append(np.nan if head is None else head.sec + 1e-9 * head.nanosec)
+        head = stamp_of(message, f"{path}: message {number} of {topic}")
+        at.append(np.nan if head is None else head // 10**9 + head % 10**9 * 1e-9)
         recorded.append(time)
     times, remarks = _times(np.array(at), np.array(recorded), stamp, kind)
     array, columns = _joined(frames)
@@ -244,8 +244,11 @@ def _joined(frames: list[Any]) -> tuple[Any, Any]:
     same = all((frame.ids is None) == (first.ids is None) and frame.values.shape == first.values.shape for frame in frames)
     if same and (first.ids is None or all(np.array_equal(frame.ids, first.ids) for frame in frames)):
         return np.stack([frame.values for frame in frames]), first.ids
-    if any(frame.ids is None for frame in frames):
-        odd = next(frame.values.shape for frame in frames if frame.values.shape != first.values.shape)
+    bare = [k for k, frame in enumerate(frames) if frame.ids is None]
+    if bare:
+        odd = next((frame.values.shape for frame in frames if frame.values.shape != first.values.shape), None)
+        if odd is None:
+            raise DataError(f"topic: found no ids in message {bare[0]}; needed: ids in all messages, or in none")
         raise DataError(f"topic: found {odd} numbers in a message; needed: {first.values.shape} as before, or ids")
     columns = np.unique(np.concatenate([frame.ids for frame in frames]))
     array = np.full((len(frames), len(first.names), len(columns)), np.nan)

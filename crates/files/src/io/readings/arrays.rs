@@ -7,6 +7,7 @@ use crate::io::arrays::read::{Storage, StoredArray, find_array, list_arrays, onl
 use crate::io::arrays::rows::{ArrayRows, MAX_WHOLE};
 use crate::io::file::times::{LATEST, time_column};
 use crate::io::file::{excerpt, invalid};
+use crate::io::layout::{KnownRest, Statement, StatementSource};
 use crate::io::readings::header::{About, MAX_NUMBERS};
 use crate::signal::Channel;
 use crate::skin::TaxelId;
@@ -20,6 +21,9 @@ pub enum ReadingsLayout {
     /// `(T, C, N)`: the taxels of each channel stand together, as MuJoCo gives them.
     ChannelsFirst,
 }
+
+/// The names of the numbers that state what is known where nothing touches.
+pub(super) const REST: [&str; 2] = ["is_tared", "threshold"];
 
 /// Whether an array is about the values.
 fn is_about(name: &str) -> bool {
@@ -66,6 +70,12 @@ impl ArrayReadings {
         });
         let times = times.transpose()?;
         let has_times = times.is_some();
+        // Arrays of more than one number that have these names are about something else.
+        let number = |name: &str| {
+            let is_one = |array: &StoredArray| array.header.shape.iter().all(|&side| side == 1);
+            others().find(|(known, array)| *known == name && is_one(array)).map(|(_, array)| array)
+        };
+        let (rest, notes) = read_rest(path, REST.map(number), &channels)?;
         let readings = Self {
             path: path.into(),
             values: ArrayRows::open(path, values, width * channels.len())?,
@@ -74,7 +84,8 @@ impl ArrayReadings {
             channels: channels.len(),
             row: Vec::new(),
         };
-        Ok((readings, About { ids, channels, width, frames: Some(frames), has_times, ..About::default() }))
+        let frames = Some(frames);
+        Ok((readings, About { ids, channels, width, frames, has_times, rest, notes, ..About::default() }))
     }
 
     /// Reads the next row; false after the last one.
@@ -108,6 +119,40 @@ impl ArrayReadings {
         }
         Ok(true)
     }
+}
+
+/// What is known of readings where nothing touches, of one number each.
+fn read_rest(
+    path: &Path,
+    stated: [Option<&StoredArray>; 2],
+    channels: &[Channel],
+) -> Result<(KnownRest, Vec<Statement>), IoError> {
+    let [is_tared, threshold] = stated.map(|array| array.map(|array| read_number(path, array)).transpose());
+    let invalid =
+        |name: &str, found: f64, needed| invalid(path, format!("array `{name}`"), found.to_string(), needed);
+    let is_zero = match is_tared? {
+        Some(flag) if flag != 0.0 && flag != 1.0 => return Err(invalid(REST[0], flag, "0 or 1")),
+        flag => flag == Some(1.0),
+    };
+    let threshold = threshold?;
+    if let Some(found) = threshold.filter(|x| !(x.is_finite() && *x > 0.0)) {
+        return Err(invalid(REST[1], found, "a positive number"));
+    }
+    let unit = channels.iter().find(|channel| channel.kind.is_of_touch()).map_or("", |channel| &channel.unit);
+    let zero = is_zero.then(|| ("zero", "subtracted before".to_owned()));
+    let stated =
+        zero.into_iter().chain(threshold.map(|x| ("threshold", format!("{x} {unit}").trim().to_owned())));
+    let notes = stated.map(|(what, value)| Statement::new(what, value, StatementSource::File)).collect();
+    Ok((KnownRest { is_zero, threshold }, notes))
+}
+
+fn read_number(path: &Path, array: &StoredArray) -> Result<f64, IoError> {
+    if !array.header.elements.is_number() {
+        return Err(invalid(path, array.element(), array.header.describe(), "a number"));
+    }
+    let mut number = [f64::NAN];
+    ArrayRows::open(path, array, 1)?.read(path, &mut number)?;
+    Ok(number[0])
 }
 
 /// The array of the readings: the one called `values` or `readings`, or the only one that can be.

@@ -7,7 +7,7 @@ use crate::io::file::lines::LineLocation;
 use crate::io::file::times::time_column;
 use crate::io::file::{excerpt, invalid};
 use crate::io::layout::columns::{listed, name_and_unit};
-use crate::io::layout::{Layout, NamedColumns, Statement, StatementSource, StreamFacts, TimeUnit};
+use crate::io::layout::{KnownRest, Layout, NamedColumns, Statement, StatementSource, StreamFacts, TimeUnit};
 use crate::signal::{Channel, SignalError, unit_ratio};
 use crate::skin::TaxelId;
 
@@ -46,6 +46,8 @@ pub(super) struct About {
     pub(super) per_second: u32,
     /// The ids that a first line of numbers alone may be; it is a frame if they are not those of a layout or a skin.
     pub(super) first_line: Option<Vec<TaxelId>>,
+    /// What is known of readings where nothing touches.
+    pub(super) rest: KnownRest,
     /// What else is known.
     pub(super) notes: Vec<Statement>,
     /// What a layout needs, where columns have names that are no ids.

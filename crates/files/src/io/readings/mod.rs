@@ -33,7 +33,7 @@ use crate::skin::TaxelId;
 /// | `.csv` | a line of names between commas, semicolons or tabs: `ID` or `ID.CHANNEL` or `ID.CHANNEL[UNIT]`; optionally `frame` and `time`, in s or as in `time[ms]` |
 /// | `.txt`, `.csv` | a long table, `time,taxel_id,value` or `time,taxel_id,value[UNIT]`, with a row for each reading |
 /// | `.npy` | numbers of the shape `(T, N)`, or `(T, N, C)` or `(T, C, N)`, by [`ReadingsLayout`] |
-/// | `.npz` | these as the array `values` or `readings`, or the only one that can be them; optionally `ids` or `taxel_ids` `(N,)`, `timestamps` or `time` `(T,)`, in s, as dates or as in `time[ms]`, and the texts `channels` and `units` `(C,)` |
+/// | `.npz` | these as the array `values` or `readings`, or the only one that can be them; optionally `ids` or `taxel_ids` `(N,)`, `timestamps` or `time` `(T,)`, in s, as dates or as in `time[ms]`, the texts `channels` and `units` `(C,)`, and the numbers `is_tared` and `threshold` ([`KnownRest`]) |
 ///
 /// A time may be a date of ISO 8601, then counted from 1970 on. An empty cell, NaN and infinities are readings that are missing. The unit and name of a channel
 /// determine its quantity ([`Channel::new`]).
@@ -394,8 +394,7 @@ impl ReadingsReader {
     }
 
     fn of(source: Source, about: About) -> Self {
-        let About { ids, channels, width, frames, has_times, first_line, notes, .. } = about;
-        let rest = KnownRest::default();
+        let About { ids, channels, width, frames, has_times, first_line, rest, notes, .. } = about;
         Self { ids, channels, width, frames, has_times, rest, source, chosen: None, first_line, notes }
     }
 
@@ -464,9 +463,10 @@ impl ReadingsReader {
             width: *width,
             frames: Some(times.len() as u64),
             has_times: times.iter().any(|time| time.is_finite()),
+            rest: *rest,
             ..About::default()
         };
-        Ok(Self { rest: *rest, ..Self::of(Source::Memory(readings, 0), about) })
+        Ok(Self::of(Source::Memory(readings, 0), about))
     }
 
     /// Reads a recording of blocks that another program reads, as they come. Errors call it `path`; `lengths` are the frames of

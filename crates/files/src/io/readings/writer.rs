@@ -10,6 +10,8 @@ use crate::io::arrays::npy::{ElementType, Elements};
 use crate::io::arrays::write::{ArrayId, ArrayWriter};
 use crate::io::file::outputs::Replacement;
 use crate::io::file::{OutPath, file_kind, unfit};
+use crate::io::layout::KnownRest;
+use crate::io::readings::arrays::REST;
 use crate::io::table::writer::TableWriter;
 use crate::signal::{Channel, Frame};
 use crate::skin::{PatchId, Presence, Taxels};
@@ -18,7 +20,7 @@ use crate::skin::{PatchId, Presence, Taxels};
 ///
 /// The table has the columns `time` in s, if frames have times, and `ID.CHANNEL` for each taxel that is present and each channel, as
 /// `17.force`; a taxel without a reading has `NaN`. The arrays are `values` `(T, N)`, of several channels `(T, N, C)`,
-/// `timestamps` `(T,)` if frames have times, `ids` `(N,)`, and the texts `channels` and `units`. Where taxels share an id, all taxels
+/// `timestamps` `(T,)` if frames have times, `ids` `(N,)`, the texts `channels` and `units`, and what is [known at rest](Self::state_rest). Where taxels share an id, all taxels
 /// are written in their order, absent ones too, without ids: the columns of the table are `.force`.
 /// No file appears before [`ReadingsWriter::finish`]; memory does not depend on
 /// the number of frames.
@@ -108,6 +110,22 @@ impl ReadingsWriter {
             _ => return Err(IoError::UnknownKind { path: path.into(), known: ".csv, .npz" }),
         };
         Ok(Self { taxels, channels: channels.len(), has_times, output, row: Vec::new() })
+    }
+
+    /// States what is known of the readings where nothing touches, before the first frame. A table cannot state it.
+    ///
+    /// # Errors
+    /// If the disk is full.
+    pub fn state_rest(&mut self, rest: KnownRest) -> Result<(), IoError> {
+        if let Output::Arrays { writer, .. } = &mut self.output {
+            if rest.is_zero {
+                writer.constant(REST[0], &[], Elements::U32(&[1]))?;
+            }
+            if let Some(threshold) = rest.threshold {
+                writer.constant(REST[1], &[], Elements::F64(&[threshold]))?;
+            }
+        }
+        Ok(())
     }
 
     /// Writes a frame.

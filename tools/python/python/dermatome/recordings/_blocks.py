@@ -37,7 +37,7 @@ class Join:
         import numpy as np
 
         if self.count not in (None, values.shape[2]):
-            raise DataError(f"map: found {self.count} taxels; needed: {values.shape[2]}, or readings with ids")
+            raise DataError(f"readings: found {values.shape[2]} columns without ids; needed: {self.count}, one for each taxel of the map, or ids")
         if self.order is None:
             return values
         made = np.take(values, self.order, axis=2)

@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
-from dermatome._errors import Error
 from dermatome._readings import Readings
-from dermatome._whole import written
 from dermatome.recordings import is_container
 
 if TYPE_CHECKING:
     from dermatome._recording import Recording
-
-OUTPUTS = ("-o", "--output")
-STREAM = "--stream"
 
 
 def opened(path: Any, stream: str | None, layout: Any, episode: int | None) -> tuple[list[int], Iterator[tuple[Any, ...]]] | None:
@@ -38,36 +32,9 @@ def _blocks(recording: Recording) -> Iterator[tuple[Any, ...]]:
             yield (part.episode or 0, ids, part.channels, part.units, times, values, *known)
 
 
-def draft(args: Sequence[str]) -> int | None:
-    """The exit code of `layout` with these arguments; None if they name no recording that is read here."""
-    rest, stream = list(args), None
-    for k, each in enumerate(rest):
-        name, is_joined, value = each.partition("=")
-        if name == STREAM and (is_joined or k + 1 < len(rest)):
-            stream = value if is_joined else rest[k + 1]
-            del rest[k : k + (1 if is_joined else 2)]
-            break
-    at = next((k for k, each in enumerate(rest) if (k == 0 or rest[k - 1] not in OUTPUTS) and is_container(each)), None)
-    if at is None:
+def drafted(path: Any, stream: str | None) -> str | None:
+    """The text of a layout of a recording, with null where nobody knows; None if the library reads the file itself."""
+    if not is_container(path):
         return None
-    try:
-        with Readings.open(rest.pop(at), stream=stream) as recording:
-            text = recording.draft()
-    except (Error, ImportError) as error:
-        return _refused(str(error))
-    if len(rest) == 2 and rest[0] in OUTPUTS:
-        try:
-            with written(rest[1]) as part:
-                part.write_text(text, encoding="utf-8")
-        except Error as error:
-            return _refused(str(error))
-    elif rest:
-        return _refused(f"found {' '.join(rest)}; needed: -o, the layout that is written")
-    else:
-        print(text)
-    return 0
-
-
-def _refused(why: str) -> int:
-    print(f"error: {why}", file=sys.stderr)
-    return 2
+    with Readings.open(path, stream=stream) as recording:
+        return str(recording.draft())

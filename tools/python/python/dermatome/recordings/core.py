@@ -85,7 +85,7 @@ def draft_of_array(path: str) -> str:
 
     try:
         array: Any = np.load(path, mmap_mode="r")
-    except (OSError, ValueError) as error:
+    except Exception as error:  # Of a damaged file numpy raises what its parts do.
         raise DataError(f"{path}: found no array: {error}; needed: a layout") from error
     if not getattr(array, "ndim", 0):
         raise DataError(f"{path}: found several arrays; needed: a layout that names one as `stream`")

@@ -16,6 +16,8 @@ from dermatome.recordings._track import TIME_NAMES, Block, Container, Track, cho
 
 # Names of numbers and attributes that say how many frames a second there are, in small letters.
 RATES = ("rate", "rate_hz", "fps", "hz", "frequency", "frequency_hz", "sample_rate", "sampling_rate", "sampling_frequency")
+# Groups that describe what is beside them.
+DESCRIPTIONS = ("meta", "metadata", "info", "config", "settings", "parameters", "attributes")
 # The most groups above a stream whose attributes are read.
 MOST_GROUPS = 16
 # The most objects of a file that are listed.
@@ -33,7 +35,7 @@ class Hdf5(Container):
         except OSError as error:
             raise FileError(f"{path}: found no HDF5 file that can be read: {error}; needed: the file as it was written", "hdf5") from error
         self.datasets: dict[str, Any] = {}
-        self._walk(self.file, "", set())
+        self._walk()
         shapes: dict[str, tuple[int, ...]] = {}
         for name, dataset in self.datasets.items():
             pattern = re.sub(r"\d+", "*", name)
@@ -48,28 +50,51 @@ class Hdf5(Container):
             if len(hits) == 1:
                 self.streams = {hits[0] if name == key else name: shape for name, shape in self.streams.items()}
 
-    def _walk(self, group: Any, prefix: str, seen: set[Any]) -> None:
+    def _walk(self) -> None:
+        """Lists the datasets, those of a group that several links lead to once: under the name of a hard link, if one does."""
         h5py = need("h5py", "hdf5")
-        for name in group:
-            path = f"{prefix}{name}"
-            link = group.get(name, getlink=True)
-            if isinstance(link, h5py.ExternalLink):
-                self._leave(path, f"a link to {link.filename!r}")
-                continue
-            try:
-                item = group[name]
-            except (KeyError, OSError, RuntimeError):
-                self._leave(path, "a link to nothing")
-                continue
-            if isinstance(item, h5py.Group):
-                # Links may lead back to a group above.
-                key = (h5py.h5o.get_info(item.id).addr, h5py.h5o.get_info(item.id).fileno)
-                if key not in seen and len(seen) < MOST_OBJECTS:
-                    self._walk(item, f"{path}/", seen | {key})
-            elif isinstance(item, h5py.Dataset):
-                if len(self.datasets) == MOST_OBJECTS:
-                    raise DataError(f"{self.path}: found more than {MOST_OBJECTS} datasets; needed: fewer")
-                self.datasets[path] = item
+        seen: set[Any] = set()
+        # Groups that soft links lead to come last.
+        waiting: list[tuple[str, Any]] = [("", self.file)]
+        for first in waiting:
+            opened = self._entered(first, seen)
+            while opened:
+                prefix, group, names = opened[-1]
+                name = next(names, None)
+                if name is None:
+                    opened.pop()
+                    continue
+                path = f"{prefix}{name}"
+                link = group.get(name, getlink=True)
+                if isinstance(link, h5py.ExternalLink):
+                    self._leave(path, f"a link to {link.filename!r}")
+                    continue
+                try:
+                    item = group[name]
+                except (KeyError, OSError, RuntimeError):
+                    self._leave(path, "a link to nothing")
+                    continue
+                if isinstance(item, h5py.Group):
+                    if isinstance(link, h5py.SoftLink):
+                        waiting.append((f"{path}/", item))
+                    else:
+                        opened += self._entered((f"{path}/", item), seen)
+                elif isinstance(item, h5py.Dataset):
+                    if len(self.datasets) == MOST_OBJECTS:
+                        raise DataError(f"{self.path}: found more than {MOST_OBJECTS} datasets; needed: fewer")
+                    self.datasets[path] = item
+
+    def _entered(self, place: tuple[str, Any], seen: set[Any]) -> list[tuple[str, Any, Iterator[str]]]:
+        """A group and the names in it, if it was not entered before."""
+        prefix, group = place
+        about = need("h5py", "hdf5").h5o.get_info(group.id)
+        key = (about.addr, about.fileno)
+        if key in seen:
+            return []
+        if len(seen) == MOST_OBJECTS:
+            raise DataError(f"{self.path}: found more than {MOST_OBJECTS} groups; needed: fewer")
+        seen.add(key)
+        return [(prefix, group, iter(group))]
 
     def _leave(self, path: str, found: str) -> None:
         self.unread[path] = DataError(f"{self.path}: {path}: found {found}; needed: readings in the file itself; copy them into it")
@@ -104,15 +129,18 @@ class Hdf5(Container):
         return made
 
     def _stated(self, names: list[str]) -> dict[str, Any]:
-        """Unit and rate, which the attributes of arrays and of the groups around them say, or a number beside them; the nearest
-        counts. They are the same for all episodes."""
+        """Unit and rate, which the attributes of arrays and of the groups around them say, or a number beside these, also in a group
+        that describes them; the nearest counts. They are the same for all episodes."""
         rates = {name: item for name, item in self.datasets.items() if name.rpartition("/")[2].lower() in RATES and item.shape == () and item.dtype.kind in "iuf"}
         known: dict[str, dict[str, Any]] = {}
 
         def of_group(group: str) -> dict[str, Any]:
             if group not in known:
-                beside = {"rate": float(item[()]) for name, item in rates.items() if name.rpartition("/")[0] == group}
-                known[group] = {**beside, **_attributes(self.file[group] if group else self.file)}
+                inner = {f"{group}/{name}".lstrip("/") for name in (self.file[group] if group else self.file) if name.lower() in DESCRIPTIONS}
+                beside, described = ({float(item[()]) for name, item in rates.items() if name.rpartition("/")[0] in of} for of in ({group}, inner))
+                number = beside or described
+                rate: dict[str, Any] = {"rate": number.pop()} if len(number) == 1 else {}
+                known[group] = {**rate, **_attributes(self.file[group] if group else self.file)}
             return known[group]
 
         stated: dict[str, tuple[str, Any]] = {}
@@ -127,9 +155,7 @@ class Hdf5(Container):
                 other, found = stated.setdefault(key, (name, value))
                 if found != value:
                     raise DataError(f"{self.path}: found the {key} {found!r} of {other} and {value!r} of {name}; needed: stream=, arrays of one of them")
-        made = {key: value for key, (_, value) in stated.items()}
-        elsewhere = {float(item[()]) for item in rates.values()}
-        return {"rate": elsewhere.pop(), **made} if len(elsewhere) == 1 else made
+        return {key: value for key, (_, value) in stated.items()}
 
     def _checked(self, name: str) -> Any:
         """A dataset that can be read from this file, with bounded memory."""
@@ -266,10 +292,13 @@ class Hdf5Track(Track):
         return dataset
 
     def _valid(self, name: str, count: int) -> Any:
-        """Flags `validity/NAME`, one a frame."""
+        """Flags `validity/NAME`, one a frame, where one episode alone has as many."""
         path = f"validity/{name.rpartition('/')[2]}"
         found = self.container.datasets.get(path)
         if found is None or found.shape != (count,) or found.dtype.kind != "b":
+            return None
+        if (fitting := self.episodes.count(count)) > 1:
+            self.state("validity", f"{path} is not used: {fitting} episodes have as many frames")
             return None
         return self.container._checked(path)
 

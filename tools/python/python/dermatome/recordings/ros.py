@@ -114,21 +114,19 @@ class BagTrack(Track):
 
     def times_beside(self) -> str | None:
         _, message = next(self.bag.reader.messages(self.topic))
-        stamp = getattr(getattr(message, "header", None), "stamp", None)
-        return "header" if stamp is not None and self._stamp(stamp, 0) else None
+        return "header" if self._stamp(message, 0) else None
 
     def _time(self, message: Any, logged: int, time: str, number: int) -> int:
-        stamp = getattr(getattr(message, "header", None), "stamp", None)
         if time in LOG:
             return logged
         if time not in HEADER:
             raise DataError(f"{self.path}: found the times {time!r} in the layout; needed: 'header', the stamps of the messages, or 'log', those of the recording")
-        if stamp is None:
+        found = self._stamp(message, number)
+        if found is None:
             raise DataError(f"{self.path}: found no header in messages of {self.topic}; needed: 'log' as the stream of times, or a rate")
-        found = self._stamp(stamp, number)
         if number == 0 and found == 0:
             # A simulation begins at 0: its second stamp shows it.
-            later = (self._stamp(message.header.stamp, k) for k, (_, message) in enumerate(self.bag.reader.messages(self.topic)))
+            later = (self._stamp(message, k) for k, (_, message) in enumerate(self.bag.reader.messages(self.topic)))
             self.log_times = not any(itertools.islice(later, 1, 3))
             if self.log_times:
                 self.state("times", "those of the recording, as all stamps are 0")
@@ -136,14 +134,8 @@ class BagTrack(Track):
             raise DataError(f"{self.path}: message {number} of {self.topic}: found the stamp {found}; needed: {'0' if self.log_times else 'a time'} as before; or 'log' as the stream of times")
         return logged if self.log_times else found
 
-    def _stamp(self, stamp: Any, number: int) -> int:
-        """Nanoseconds of a stamp: of ROS, or as Foxglove writes it in JSON."""
-        parts: list[Any] = [getattr(stamp, name, None) for name in ("sec", "nanosec" if hasattr(stamp, "nanosec") else "nsec")]
-        if not all(isinstance(part, numbers.Integral) for part in parts):
-            known: Any = getattr(stamp, "__dict__", None)
-            found = type(stamp).__name__ if known is None else sorted({*map(str, known)} - {"__msgtype__"})
-            raise DataError(f"{self.path}: message {number} of {self.topic}: found the stamp {found}; needed: whole numbers sec and nanosec or nsec")
-        return int(parts[0]) * 10**9 + int(parts[1])
+    def _stamp(self, message: Any, number: int) -> int | None:
+        return stamp_of(message, f"{self.path}: message {number} of {self.topic}")
 
     def _in_order(self, frame: Frame, number: int) -> Any:
         """The numbers in the order of the first message, by their ids."""
@@ -175,6 +167,19 @@ class BagTrack(Track):
         made = np.full(first.values.shape, np.nan, np.result_type(frame.values.dtype, np.float32)) if len(at) < len(order) else np.empty_like(first.values)
         made[order[at]] = frame.values
         return made
+
+
+def stamp_of(message: Any, where: str) -> int | None:
+    """Nanoseconds of the stamp of a message, of ROS or as Foxglove writes it in JSON; None if it has none."""
+    stamp = getattr(getattr(message, "header", None), "stamp", None)
+    if stamp is None:
+        return None
+    parts: list[Any] = [getattr(stamp, name, None) for name in ("sec", "nanosec" if hasattr(stamp, "nanosec") else "nsec")]
+    if not all(isinstance(part, numbers.Integral) for part in parts):
+        known: Any = getattr(stamp, "__dict__", None)
+        found = type(stamp).__name__ if known is None else sorted({*map(str, known)} - {"__msgtype__"})
+        raise DataError(f"{where}: found the stamp {found}; needed: whole numbers sec and nanosec or nsec")
+    return int(parts[0]) * 10**9 + int(parts[1])
 
 
 def open_bag(path: Any, definitions: Mapping[str, str] | None = None) -> _Ros | _Json:

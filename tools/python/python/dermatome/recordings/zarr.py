@@ -12,13 +12,14 @@ import math
 import os
 import zipfile
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from dermatome._adapter import need
 from dermatome._errors import DataError, FileError
-from dermatome.recordings._track import MOST_JSON, bytes_of, read_json, sizes, small_enough
+from dermatome.recordings._track import MOST_BYTES, MOST_JSON, bytes_of, read_json, sizes, small_enough
 
 # The index of a shard has the numbers of no chunk here.
 ABSENT = 2**64 - 1
@@ -130,7 +131,9 @@ class Array:
         small_enough(store.path, name, self.chunk, self.dtype.itemsize)
         self.attributes = about.get("attributes") or store.json(f"{self.folder}.zattrs")
         self.fill = self._fill(np, about.get("fill_value"))
-        self.kept: tuple[Any, Any] = (None, None)
+        # Decoded chunks by file and place, each with the first frame behind it; and the shard that was read last.
+        self.kept: dict[tuple[str, tuple[int, ...]], tuple[int, Any]] = {}
+        self.shard_kept: tuple[str, bytes, Any] | None = None
 
     def _describe(self, np: Any, about: dict[str, Any]) -> None:
         self.shape = about["shape"]
@@ -237,6 +240,7 @@ class Array:
             low, high = max(start, at[0]), min(stop, at[0] + len(piece))
             rest = [slice(a, min(a + n, size)) for a, n, size in zip(at[1:], piece.shape[1:], self.shape[1:])]
             made[(slice(low - start, high - start), *rest)] = piece[(slice(low - at[0], high - at[0]), *(slice(s.stop - s.start) for s in rest))]
+        self.kept = {key: each for key, each in self.kept.items() if each[0] > stop}
         return made
 
     def whole(self, most: int = 1 << 24) -> Any:
@@ -252,64 +256,91 @@ class Array:
         counts = [math.ceil(size / chunk) for size, chunk in zip(self.shape, self.chunk)]
         rows = range(start // self.chunk[0], (stop - 1) // self.chunk[0] + 1)
         for key in itertools.product(rows, *map(range, counts[1:])):
-            corner = tuple(k * size for k, size in zip(key, self.chunk))
+            file, corner = self._file(key), tuple(k * size for k, size in zip(key, self.chunk))
             if self.shard is None:
-                yield corner, self._decoded(self._file(key))
-                continue
-            if self._file(key) not in self.store.names:
-                yield corner, self._filled(self._file(key), self.chunk)
-                continue
-            stored: list[tuple[Any, Any]] = []
-            absent: list[tuple[Any, Any]] = []
-            for inner, data in self._stored(self._file(key)):
-                at = tuple(a + k * size for a, k, size in zip(corner, inner, self.inner))
-                if data is None:
-                    absent += [(inner, at)] if all(a < size for a, size in zip(at, self.shape)) else []
-                elif at[0] < stop and at[0] + self.inner[0] > start and all(a < size for a, size in zip(at, self.shape)):
-                    stored.append((at, self._numbers(data, f"{self.store.path}: {self._file(key)}")))
-            if absent and not self._may_fill():
-                needed = "all; readers of Zarr give fill values, which look like readings; write it with write_empty_chunks"
-                raise DataError(f"{self.store.path}: {self._file(key)}: found no chunk {absent[0][0]}; needed: {needed}")
-            yield from stored
-            for inner, at in absent:
-                if at[0] < stop and at[0] + self.inner[0] > start:
-                    yield at, self._filled(f"{self._file(key)} {inner}", self.inner)
+                yield corner, self._decoded(file, corner[0] + self.chunk[0])
+            elif file not in self.store.names:
+                yield corner, self._filled(file, self.chunk)
+            else:
+                yield from self._inner(file, corner, start, stop)
+
+    def _inner(self, file: str, corner: tuple[int, ...], start: int, stop: int) -> Iterator[tuple[tuple[int, ...], Any]]:
+        """The inner chunks of a shard that some frames are in."""
+        np = need("numpy", "zarr")
+        data, table = self._opened(file)
+        # Those that are within the shape.
+        there = [min(a // n, math.ceil((size - at) / n)) for a, n, size, at in zip(self.chunk, self.inner, self.shape, corner)]
+        absent = (table[..., 0] == ABSENT)[tuple(map(slice, there))]
+        if absent.any() and not self._may_fill():
+            missing = tuple(np.argwhere(absent)[0].tolist())
+            needed = "all; readers of Zarr give fill values, which look like readings; write it with write_empty_chunks"
+            raise DataError(f"{self.store.path}: {file}: found no chunk {missing}; needed: {needed}")
+        rows = range(max(0, (start - corner[0]) // self.inner[0]), min(there[0], math.ceil((stop - corner[0]) / self.inner[0])))
+        for inner in itertools.product(rows, *map(range, there[1:])):
+            at = tuple(a + k * size for a, k, size in zip(corner, inner, self.inner))
+            if absent[inner]:
+                yield at, self._filled(f"{file} {inner}", self.inner)
+            else:
+                first, count = table[inner].tolist()
+                decode = partial(self._numbers, data[first : first + count], f"{self.store.path}: {file}")
+                yield at, self._once((file, inner), at[0] + self.inner[0], decode)
 
     def _filled(self, file: str, shape: Any) -> Any:
         """A chunk that is not stored."""
         self.filled.add(file)
         return need("numpy", "zarr").full(shape, self.fill, self.dtype)
 
-    def _decoded(self, file: str) -> Any:
+    def _decoded(self, file: str, end: int = 0) -> Any:
         if file not in self.store.names:
             return self._filled(file, self.inner)
-        # Frames are read in order: a chunk that a block ends in is the first of the next one.
-        if self.kept[0] != file:
-            self.kept = (file, self._numbers(self.store.read(file, 2 * self.bytes + (1 << 16)), f"{self.store.path}: {file}"))
-        return self.kept[1]
+        most = 2 * self.bytes + (1 << 16)
+        return self._once((file, ()), end, lambda: self._numbers(self.store.read(file, most), f"{self.store.path}: {file}"))
+
+    def _once(self, key: tuple[str, tuple[int, ...]], end: int, decode: Callable[[], Any]) -> Any:
+        """The numbers of a chunk that ends before a frame. Frames are read in order: chunks that a block ends in are the first of the
+        next one."""
+        if key not in self.kept:
+            made = decode()
+            while self.kept and (len(self.kept) + 1) * self.bytes > MOST_BYTES:
+                del self.kept[next(iter(self.kept))]
+            self.kept[key] = (end, made)
+        return self.kept[key][1]
 
     def _stored(self, file: str) -> Iterator[tuple[tuple[int, ...], bytes | None]]:
         """The inner chunks of a shard, None where one is not stored."""
         np = need("numpy", "zarr")
+        data, table = self._opened(file)
+        for key in np.ndindex(*table.shape[:-1]):
+            first, count = table[key].tolist()
+            yield key, None if first == ABSENT else data[first : first + count]
+
+    def _opened(self, file: str) -> tuple[bytes, Any]:
+        """The bytes of a shard, and where each inner chunk begins in them and how many it has."""
+        if self.shard_kept is not None and self.shard_kept[0] == file:
+            return self.shard_kept[1:]
+        np = need("numpy", "zarr")
+        self.shard_kept = None
         counts = [a // b for a, b in zip(self.chunk, self.inner)]
         index = 16 * math.prod(counts) + 4 * self.checksum
         where = f"{self.store.path}: {file}"
         data = self.store.read(file, 2 * self.dtype.itemsize * math.prod(self.chunk) + index + (1 << 16))
         if len(data) < index:
             raise FileError(f"{where}: found {len(data)} bytes; needed: an index of {index}", "zarr")
-        table = data[:index] if self.shard.get("index_location") == "start" else data[-index:]
+        stored = data[:index] if self.shard.get("index_location") == "start" else data[-index:]
         if self.checksum:
-            if crc32c(table[:-4]) != int.from_bytes(table[-4:], "little"):
+            if crc32c(stored[:-4]) != int.from_bytes(stored[-4:], "little"):
                 raise FileError(f"{where}: found an index with another checksum; needed: the file as it was written", "zarr")
-            table = table[:-4]
+            stored = stored[:-4]
         big = self.shard["index_codecs"][0].get("configuration", {}).get("endian") == "big"
-        for key, (offset, count) in zip(np.ndindex(*counts), np.frombuffer(table, ">u8" if big else "<u8").reshape(-1, 2).tolist()):
-            if offset == ABSENT and count == ABSENT:
-                yield key, None
-                continue
-            if offset + count > len(data):
-                raise FileError(f"{where}: found a chunk that ends at byte {offset + count}; needed: at most {len(data)}", "zarr")
-            yield key, data[offset : offset + count]
+        table = np.frombuffer(stored, ">u8" if big else "<u8").reshape(*counts, 2)
+        first, count = table[..., 0], table[..., 1]
+        absent = (first == ABSENT) & (count == ABSENT)
+        beyond = ~absent & ((first > len(data)) | (count > len(data) - np.minimum(first, len(data))))
+        if beyond.any():
+            at, size = table[beyond][0].tolist()
+            raise FileError(f"{where}: found a chunk that ends at byte {at + size}; needed: at most {len(data)}", "zarr")
+        self.shard_kept = (file, data, table)
+        return data, table
 
     def _numbers(self, data: bytes, where: str) -> Any:
         np = need("numpy", "zarr")
@@ -381,11 +412,22 @@ def size_in(name: str, data: Any) -> int:
     return len(data)
 
 
-def crc32c(data: bytes) -> int:
-    """The checksum of the index of a shard (Castagnoli's polynomial, reflected)."""
-    crc = 0xFFFFFFFF
-    for byte in data:
-        crc ^= byte
+def _crc_table() -> tuple[int, ...]:
+    """The checksum of each byte, by Castagnoli's polynomial, reflected."""
+    made: list[int] = []
+    for byte in range(256):
         for _ in range(8):
-            crc = crc >> 1 ^ (0x82F63B78 if crc & 1 else 0)
+            byte = byte >> 1 ^ (0x82F63B78 if byte & 1 else 0)
+        made.append(byte)
+    return tuple(made)
+
+
+CRC = _crc_table()
+
+
+def crc32c(data: bytes) -> int:
+    """The checksum of the index of a shard."""
+    crc, table = 0xFFFFFFFF, CRC
+    for byte in data:
+        crc = crc >> 8 ^ table[crc & 255 ^ byte]
     return crc ^ 0xFFFFFFFF
