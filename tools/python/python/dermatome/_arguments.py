@@ -56,7 +56,7 @@ def items_of(argument: str, value: object, needed: str) -> list[Any]:
             return list(value)  # type: ignore[call-overload, no-any-return]
     except TypeError:
         pass
-    raise ArgumentError(f"{argument}: found {shown(value)}; needed: {needed}")
+    raise ArgumentError(f"{argument}: found {type(value).__name__}; needed: {needed}")
 
 
 def mapping_of(argument: str, value: object, needed: str) -> Mapping[Any, Any]:

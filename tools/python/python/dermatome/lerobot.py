@@ -71,13 +71,13 @@ def features(map: Map, level: int | str = 1, *, images: dict[str, Renderer] | No
     for name, count, _ in field_counts(map, level):
         for feature in (names[name], f"{names[name]}.valid"):
             made[feature] = {"dtype": "float32", "shape": (count,), "names": None}
-    for name, renderer in renderers_of(images).items():
+    for name, renderer in _renderers_of(images).items():
         shape = (*renderer.shape, 3)
         made[f"observation.images.{name}"] = {"dtype": "image", "shape": shape, "names": ["height", "width", "channels"]}
     return made
 
 
-def renderers_of(images: Any) -> dict[str, Renderer]:
+def _renderers_of(images: Any) -> dict[str, Renderer]:
     """Renderers by the names of images."""
     needed = "a dict of names of images to renderers, as Map.renderer makes them"
     given = mapping_of("images", {} if images is None else images, needed)
@@ -112,7 +112,7 @@ def frame(
     """
     np = need("numpy", "lerobot")
     check_kind("map", map, Map, A_MAP)
-    renderers = renderers_of(images)
+    renderers = _renderers_of(images)
     if limit is None and any(any(renderer.extensive) for renderer in renderers.values()):
         raise DataError("limit: found none for a renderer of amounts; needed: the value per m^2 of the map that is white")
     white = 1.0 if limit is None else number_of("limit", limit, "a number above 0")
