@@ -152,7 +152,7 @@ def run(way, kind, folder, out, stop_at=None):
 
 
 def sums(out):
-    return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in out.iterdir()}
+    return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in out.glob("*.npz")}
 
 
 def main(folder, count=500):
