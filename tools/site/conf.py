@@ -27,10 +27,14 @@ napoleon_google_docstring = False
 napoleon_use_rtype = False
 
 
+# Names in docstrings are code, and links where they are of the package.
+default_role = "py:obj"
+
+
 def _signature(app, what, name, thing, options, signature, returns):
-    """The signature without types, which the docstring has."""
+    """The signature without types, which the docstring has, and without what a method is called on."""
     try:
-        return str(inspect.signature(thing)), None
+        return re.sub(r"^\(self(, /)?(, )?", "(", str(inspect.signature(thing))), None
     except (TypeError, ValueError):
         return signature, None
 

@@ -1,7 +1,7 @@
 //! Arguments of Python as numbers, words, paths and objects: `#[pyo3(from_py_with = arg)]` before an argument makes the error
 //! about one of another type say its name, what was found and what is needed.
 
-use std::path::PathBuf;
+use std::{collections::BTreeMap, path::PathBuf};
 
 use pyo3::{
     FromPyObject, PyTypeInfo,
@@ -11,8 +11,8 @@ use pyo3::{
 };
 
 use crate::{
-    errors::EXCEPTIONS, hits::PyHits, map::PyMap, observations::PyObservations, options::PackArg,
-    pool::LevelArg, response::PyResponse, skin::PySkin,
+    errors::EXCEPTIONS, hits::PyHits, layout::PyLayout, map::PyMap, observations::PyObservations,
+    options::PackArg, pool::LevelArg, response::PyResponse, skin::PySkin,
 };
 
 /// What Python can hand in.
@@ -48,6 +48,8 @@ needed! {
     "True, \"tight\" or \"body\"": PackArg;
     "a sequence of (word, direction, link)": Vec<(String, [f64; 3], String)>;
     "a dict": PyDict;
+    "a dict of ids of taxels to names of their modules": BTreeMap<u32, String>;
+    "a Layout, as Layout.read or Layout.parse makes it": PyLayout;
     "a Response, as dermatome.response or Response.read makes it": PyResponse;
     "a sequence of Skin": Vec<Bound<'_, PySkin>>;
     "a Map, as dermatome.build or Map.read makes it": PyMap;
@@ -81,6 +83,18 @@ pub(crate) fn object_or_none<'a, 'py, T: Argument + PyTypeInfo>(
     value: &'a Bound<'py, PyAny>,
 ) -> PyResult<Option<&'a Bound<'py, T>>> {
     if value.is_none() { Ok(None) } else { object(value).map(Some) }
+}
+
+/// What a part of an argument is, which has a name of its own.
+pub(crate) fn part<'a, 'py, T>(name: &str, value: &'a Bound<'py, PyAny>) -> PyResult<T>
+where
+    T: Argument + FromPyObject<'a, 'py>,
+{
+    value.extract().map_err(|cause: T::Error| {
+        let error = of_another_type::<T>(value, cause.into());
+        let note = error.value(value.py()).call_method1("add_note", (format!("while processing '{name}'"),));
+        note.map_or_else(|failed| failed, |_| error)
+    })
 }
 
 /// The error of an argument, to which pyo3 adds the name.

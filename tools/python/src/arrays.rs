@@ -26,6 +26,22 @@ pub(crate) fn bytes_of(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Vec<u8>
     view.call_method0("tobytes")?.extract()
 }
 
+/// An argument as an array of anything.
+pub(crate) fn any_array<'py>(
+    name: &str,
+    value: &Bound<'py, PyAny>,
+    needed: &str,
+) -> PyResult<Bound<'py, PyAny>> {
+    value.py().import("numpy")?.call_method1("asarray", (value,)).map_err(|cause| {
+        let class = value.get_type().name().map_or_else(|_| "an object".to_owned(), |name| name.to_string());
+        let is_tensor = value.hasattr("detach").unwrap_or(false);
+        let how = if is_tensor { ": .detach().cpu().float() is one" } else { "" };
+        let error = bad(name, class, format!("{needed}{how}"));
+        error.set_cause(value.py(), Some(cause));
+        error
+    })
+}
+
 /// An argument as an array in C order of numbers of one kind.
 fn array_of<'py, T: Element>(
     name: &str,
@@ -36,14 +52,7 @@ fn array_of<'py, T: Element>(
     if numpy.getattr("ma")?.call_method1("is_masked", (value,))?.is_truthy()? {
         return Err(bad(name, "masked numbers", format!("{needed}: .filled(numpy.nan) makes one")));
     }
-    let array = numpy.call_method1("asarray", (value,)).map_err(|cause| {
-        let class = value.get_type().name().map_or_else(|_| "an object".to_owned(), |name| name.to_string());
-        let is_tensor = value.hasattr("detach").unwrap_or(false);
-        let how = if is_tensor { ": .detach().cpu().float() is one" } else { "" };
-        let error = bad(name, class, format!("{needed}{how}"));
-        error.set_cause(value.py(), Some(cause));
-        error
-    })?;
+    let array = any_array(name, value, needed)?;
     let found = array.getattr("dtype")?;
     let kind: String = found.getattr("kind")?.extract()?;
     let is_empty = array.getattr("size")?.extract::<usize>()? == 0;

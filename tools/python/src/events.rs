@@ -1,5 +1,6 @@
 //! `EventDetector` and `diff`: what touches do in words, and what changed between two files of a skin.
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -326,7 +327,7 @@ pub(crate) fn diff<'py>(
     py: Python<'py>,
     #[pyo3(from_py_with = arg)] before: PathBuf,
     #[pyo3(from_py_with = arg)] after: PathBuf,
-    modules: Option<std::collections::BTreeMap<u32, String>>,
+    #[pyo3(from_py_with = arg)] modules: Option<BTreeMap<u32, String>>,
     #[pyo3(from_py_with = arg)] sigma: Option<f64>,
 ) -> PyResult<Bound<'py, PyList>> {
     let given: Option<Vec<_>> =

@@ -16,8 +16,10 @@ use pyo3::{
 };
 
 use crate::{
-    arguments::{arg, object_or_none},
-    arrays::{Reals, Reduced, bad_shape, floats, integers, one_number_each, reals, shaped, vector},
+    arguments::{arg, object_or_none, part},
+    arrays::{
+        Reals, Reduced, any_array, bad_shape, floats, integers, one_number_each, reals, shaped, vector,
+    },
     errors::{bad, error},
 };
 
@@ -132,7 +134,7 @@ impl PyLayout {
             let needed = "the shape of one frame, or a recording of Readings.open";
             return Err(bad("cells", format!("none for {file}"), needed));
         };
-        let path: PathBuf = file.extract()?;
+        let path: PathBuf = part("file", file)?;
         let text = Layout::draft(&path, &facts(cells, stream, says)?);
         Ok(PyString::new(file.py(), &text).into_any())
     }
@@ -311,23 +313,25 @@ impl PyLayout {
 fn facts(cells: Vec<usize>, stream: &str, says: Option<&Bound<'_, PyDict>>) -> PyResult<StreamFacts> {
     let mut facts = StreamFacts { stream: stream.into(), cells, ..StreamFacts::default() };
     for (key, value) in says.iter().flat_map(|says| says.iter()) {
-        let key: String = key.extract()?;
+        let key: String = part("says", &key)?;
+        let name = format!("says[{key:?}]");
         match key.as_str() {
             "unit" => {
-                facts.units = value.extract::<String>().map(|unit| vec![unit]).or_else(|_| value.extract())?
+                let one = value.extract::<String>().map(|unit| vec![unit]);
+                facts.units = one.or_else(|_| part(&name, &value))?;
             }
-            "rate" => facts.rate_hz = Some(value.extract()?),
-            "axes" => facts.axes = value.extract()?,
+            "rate" => facts.rate_hz = Some(part(&name, &value)?),
+            "axes" => facts.axes = part(&name, &value)?,
             "ids" => {
-                let count = value.len()?;
-                let ids = one_number_each("ids", &value, count)?;
+                let ids = integers(&name, &value)?;
+                let ids = one_number_each(&name, &value, ids.len())?;
                 facts.ids = Some(ids.into_iter().map(TaxelId).collect());
             }
-            "named_columns" => facts.has_named_columns = value.extract()?,
+            "named_columns" => facts.has_named_columns = part(&name, &value)?,
             "time_unit" => {
-                let name: String = value.extract()?;
-                let unit = TimeUnit::named(&name);
-                facts.time_unit = Some(unit.ok_or_else(|| bad("time_unit", name, "s, ms, us or ns"))?);
+                let word: String = part(&name, &value)?;
+                let unit = TimeUnit::named(&word);
+                facts.time_unit = Some(unit.ok_or_else(|| bad("time_unit", word, "s, ms, us or ns"))?);
             }
             _ => facts.notes.push(Statement::new(key, value.str()?.to_string(), StatementSource::File)),
         }
@@ -371,7 +375,7 @@ impl PyDecoder {
     fn times(&self, times: Option<&Bound<'_, PyAny>>, episode: u64) -> PyResult<FileTimes> {
         let Some(times) = times else { return Ok(FileTimes::None) };
         let numpy = times.py().import("numpy")?;
-        let mut times = numpy.call_method1("asarray", (times,))?;
+        let mut times = any_array("times", times, "a time for each frame")?;
         let mut kind: String = times.getattr("dtype")?.getattr("kind")?.extract()?;
         if kind == "M" || kind == "m" {
             if numpy.call_method1("isnat", (&times,))?.call_method0("any")?.is_truthy()? {
@@ -437,7 +441,7 @@ impl PyDecoder {
         #[pyo3(from_py_with = arg)] episode: u64,
     ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyArray1<f64>>)> {
         let times = self.times(times, episode)?;
-        let raw = py.import("numpy")?.call_method1("asarray", (raw,))?;
+        let raw = any_array("raw", raw, "an array of real numbers")?;
         let dtype = raw.getattr("dtype")?;
         let (kind, size): (String, usize) =
             (dtype.getattr("kind")?.extract()?, dtype.getattr("itemsize")?.extract()?);

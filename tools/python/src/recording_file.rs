@@ -13,7 +13,7 @@ use pyo3::{
 };
 
 use crate::{
-    arguments::arg,
+    arguments::{arg, object_or_none},
     arrays::{shaped, vector},
     errors::{bad, error},
     layout::PyLayout,
@@ -61,7 +61,7 @@ impl PyRecordingFile {
     fn new(
         #[pyo3(from_py_with = arg)] path: PathBuf,
         #[pyo3(from_py_with = arg)] stream: Option<String>,
-        layout: Option<&Bound<'_, PyLayout>>,
+        #[pyo3(from_py_with = object_or_none)] layout: Option<&Bound<'_, PyLayout>>,
         #[pyo3(from_py_with = arg)] episode: Option<u64>,
     ) -> PyResult<Self> {
         let layout = layout.map(|layout| layout.get().layout.clone());

@@ -285,7 +285,7 @@ impl PyRenderer {
         &self,
         py: Python<'py>,
         values: &Bound<'py, PyAny>,
-        threads: i64,
+        #[pyo3(from_py_with = arg)] threads: i64,
     ) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
         let Plan { taxels, channels: at_once, has_mask, .. } = *self.plan;
         let values = reals("values", values)?;

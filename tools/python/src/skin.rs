@@ -22,7 +22,7 @@ use glam::{DAffine3, DVec3};
 use numpy::{PyArray1, PyArray2};
 use pyo3::{
     prelude::*,
-    types::{PyBytes, PyDict, PyList, PyTuple},
+    types::{PyBytes, PyDict, PyList, PyString, PyTuple},
 };
 
 use crate::{
@@ -614,6 +614,9 @@ fn spacings(value: &Bound<'_, PyAny>, skin: &Skin) -> PyResult<Vec<f64>> {
         return Ok(vec![length(value)?; skin.patches.len()]);
     };
     let fits = value.py().import("fnmatch")?.getattr("fnmatchcase")?;
+    for pattern in of_links.keys() {
+        pattern.cast::<PyString>().map_err(|_| bad("spacing", found(&pattern), "names of links"))?;
+    }
     let of_patch = |patch: &Patch| {
         let name = &skin.links[patch.link].name;
         for (pattern, spacing) in of_links {

@@ -38,12 +38,12 @@ def palm_and_ball():
 # What each says at least, and whether that is a warning.
 CASES = {
     "flat": (lambda: dermatome.Skin.from_arrays(*lattice(9, 9), patch="palm"), {}, None, False),
-    "sleeve": (lambda: dermatome.Skin.from_arrays(*tube(), patch="sleeve"), {"cut": "all"}, "sleeve: the map is cut open along a seam of 145 mm", False),
+    "sleeve": (lambda: dermatome.Skin.from_arrays(*tube(12, 12), patch="sleeve"), {"cut": "all"}, "sleeve: the map is cut open along a seam of 55 mm", False),
     "sleeves": (five_sleeves, {"cut": "all"}, "sleeve 4: the map is cut open", False),
-    "uncut": (lambda: dermatome.Skin.from_arrays(*tube(), patch="sleeve"), {"cut": "none"}, "1 map is poor, `sleeve`", True),
+    "uncut": (lambda: dermatome.Skin.from_arrays(*tube(8, 20), patch="sleeve"), {"cut": "none"}, "1 map is poor, `sleeve`", True),
     "large pixels": (lambda: dermatome.Skin.from_arrays(*lattice(9, 9, 0.5), patch="floor"), {}, "the images have pixels of", False),
     "ratio": (lambda: dermatome.Skin.from_arrays(*dome(), patch="dome"), {"max_area_ratio": 1.0001}, "the largest area ratio of the map is", True),
-    "linear": (lambda: dermatome.Skin.from_arrays(*tube(), patch="sleeve"), {"method": "linear", "cut": "none"}, "sleeve", True),
+    "linear": (lambda: dermatome.Skin.from_arrays(*tube(8, 20), patch="sleeve"), {"method": "linear", "cut": "none"}, "sleeve", True),
     "ids": (lambda: dermatome.Skin.from_arrays(*lattice(9, 9), ids=np.maximum(np.arange(81) - 3, 0), patch="palm"), {}, "4 of 81 taxels have a placeholder id", True),
     "far": (far_away, {}, "far: so far from the origin of its link", True),
     "bare": (lambda: dermatome.Skin.from_arrays(ball(), patch="ball"), {}, "ball: the map is cut open", False),
@@ -78,7 +78,7 @@ def test_python_says_what_the_command_says(name, tmp_path):
 
 
 def test_a_warning_can_end_a_build():
-    skin = dermatome.Skin.from_arrays(*tube(), patch="sleeve")
+    skin = dermatome.Skin.from_arrays(*tube(8, 20), patch="sleeve")
     with warnings.catch_warnings():
         warnings.simplefilter("error", dermatome.DermatomeWarning)
         with pytest.raises(dermatome.DermatomeWarning, match="sleeve"):

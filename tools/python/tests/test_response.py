@@ -102,7 +102,7 @@ def test_what_determines_nothing_is_refused(sheet, touched):
 def test_shuffled_columns_find_their_taxels():
     at = [[0.006 * (x + y % 2 / 2), 0.0052 * y, 0] for y in range(10) for x in range(11) if y < 4 or x < 5]
     skin_map = dermatome.build(dermatome.Skin.from_arrays(at))
-    touched, _ = dermatome.touch(skin_map, presses=120, rate=20, duration=1.1, extensive=False, noise=2000, seed=1)
+    touched, _ = dermatome.touch(skin_map, presses=120, rate=10, duration=1.1, extensive=False, noise=2000, seed=1)
     wires = np.random.default_rng(0).permutation(skin_map.n_taxels)
     truth = touched.ids[wires]
     shuffled = dermatome.Readings.from_arrays(touched.values[:, :, wires], timestamps=touched.timestamps, units="Pa")

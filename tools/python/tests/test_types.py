@@ -1,5 +1,7 @@
 """What type checkers say: nothing of right programs, and something of each mistake."""
 
+import functools
+import importlib.util
 import json
 import subprocess
 import sys
@@ -71,11 +73,12 @@ MISTAKES = [
 
 
 def mypy(*files, cwd):
-    """The lines of which mypy says that they are wrong, and all that it says."""
-    said = subprocess.run([sys.executable, "-m", "mypy", "--strict", *files], capture_output=True, text=True, cwd=cwd)
-    lines = {int(line.split(":")[1]) for line in said.stdout.splitlines() if " error: " in line}
-    assert bool(lines) == bool(said.returncode), said.stdout + said.stderr
-    return lines, said.stdout
+    """The lines of each file of which mypy says that they are wrong, and all that it says. What it knows of numpy is kept for the next call."""
+    command = [sys.executable, "-m", "mypy", "--strict", "--cache-dir", str(cwd / "cache"), *map(str, files)]
+    said = subprocess.run(command, capture_output=True, text=True, cwd=cwd)
+    wrong = [line.split(":")[:2] for line in said.stdout.splitlines() if " error: " in line]
+    assert bool(wrong) == bool(said.returncode), said.stdout + said.stderr
+    return by_file((name, int(line)) for name, line in wrong), said.stdout
 
 
 def pyright(*files, cwd):
@@ -85,31 +88,52 @@ def pyright(*files, cwd):
     said = subprocess.run(command, capture_output=True, text=True, cwd=cwd)
     assert said.stdout.startswith("{"), said.stdout + said.stderr
     found = [each for each in json.loads(said.stdout)["generalDiagnostics"] if each["severity"] == "error"]
-    return {each["range"]["start"]["line"] + 1 for each in found}, str(found)
+    return by_file((each["file"], each["range"]["start"]["line"] + 1) for each in found), str(found)
+
+
+def by_file(lines):
+    made = {}
+    for name, line in lines:
+        made.setdefault(Path(name).name, set()).add(line)
+    return made
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Right and wrong programs and the examples whose packages are there."""
+    made = tmp_path_factory.mktemp("types")
+    (made / "use.py").write_text(USE)
+    (made / "wrong.py").write_text(USE + "import dermatome.lerobot, dermatome.trimesh\n" + "\n".join(MISTAKES))
+    for example in EXAMPLES.glob("*.py"):
+        if all(name not in example.read_text() or importlib.util.find_spec(name) for name in ("torch", "mujoco")):
+            (made / example.name).write_text(example.read_text())
+    return made
+
+
+@pytest.fixture(scope="module")
+def check(folder):
+    """What a checker says of all of them at once."""
+    return functools.cache(lambda checker: checker(*sorted(folder.glob("*.py")), cwd=folder))
 
 
 @pytest.mark.parametrize("checker, arguments", [(mypy, ["-p", "dermatome"]), (pyright, ["--project", PROJECT])])
-def test_the_package_is_typed(checker, arguments, tmp_path):
-    lines, said = checker(*arguments, cwd=tmp_path)
+def test_the_package_is_typed(checker, arguments, folder):
+    lines, said = checker(*arguments, cwd=folder)
     assert not lines, said
 
 
 @pytest.mark.parametrize("checker", [mypy, pyright])
-def test_checkers_find_mistakes_and_nothing_else(checker, tmp_path):
-    (tmp_path / "use.py").write_text(USE)
-    lines, said = checker("use.py", cwd=tmp_path)
-    assert not lines, said
-    (tmp_path / "wrong.py").write_text(USE + "import dermatome.lerobot, dermatome.trimesh\n" + "\n".join(MISTAKES))
-    lines, said = checker("wrong.py", cwd=tmp_path)
+def test_checkers_find_mistakes_and_nothing_else(checker, check):
+    lines, said = check(checker)
+    assert "use.py" not in lines, said
     first = USE.count("\n") + 2
-    assert [MISTAKES[k] for k in range(len(MISTAKES)) if first + k not in lines] == [] and min(lines) == first, said
+    assert [MISTAKES[k] for k in range(len(MISTAKES)) if first + k not in lines["wrong.py"]] == [] and min(lines["wrong.py"]) == first, said
 
 
 @pytest.mark.parametrize("checker", [mypy, pyright])
 @pytest.mark.parametrize("example", sorted(EXAMPLES.glob("*.py")), ids=lambda path: path.stem)
-def test_examples_are_typed(example, checker, tmp_path):
-    for name in ("torch", "mujoco"):
-        if name in example.read_text():
-            pytest.importorskip(name)
-    lines, said = checker(example, cwd=tmp_path)
-    assert not lines, said
+def test_examples_are_typed(example, checker, check, folder):
+    if not (folder / example.name).is_file():
+        pytest.skip("needs torch or mujoco")
+    lines, said = check(checker)
+    assert example.name not in lines, said

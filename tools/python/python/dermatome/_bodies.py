@@ -7,6 +7,7 @@ import os
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from dermatome._arguments import path_of
 from dermatome._dermatome import Skin, write_taxels_of_bodies
 from dermatome._errors import DataError
 
@@ -255,7 +256,7 @@ class BodyCalibration:
         DataError
             If the extension is unknown.
         """
-        if os.fspath(path).lower().endswith(".csv"):
+        if path_of("path", path).lower().endswith(".csv"):
             columns = (of.tolist() for of in (self.ids, self.positions, self.normals, self.covariances))
             write_taxels_of_bodies(path, list(zip(*columns, self.modules, self.patches)))
         else:

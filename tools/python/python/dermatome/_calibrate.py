@@ -7,9 +7,10 @@ import os
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Literal, overload
 
+from dermatome._arguments import check_kind, flag_of, whole_of
 from dermatome._bodies import BodyCalibration, bodies_of
 from dermatome._dermatome import Calibration, Map, Observations, Skin, calibrate_taxels, fit_bodies
-from dermatome._errors import ArgumentError, DataError, check_kind, whole_of
+from dermatome._errors import DataError
 from dermatome._kinds import is_mapping
 
 if TYPE_CHECKING:
@@ -184,8 +185,7 @@ def options_of(given: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
     taxels, bodies = ({name: given.get(name, known) for name, known in of.items()} for of in (OF_TAXELS, OF_BODIES))
     for name in ("robust", "residual", "initial"):
         check_kind(name, taxels[name], str, "a word")
-    if type(taxels["covariances"]).__name__ not in ("bool", "bool_"):  # Of numpy, too.
-        raise ArgumentError(f"covariances: found {taxels['covariances']!r}; needed: True or False")
+    taxels["covariances"] = flag_of("covariances", taxels["covariances"])
     taxels["iterations"] = whole_of("iterations", taxels["iterations"], "a number of steps")
     return taxels, bodies
 

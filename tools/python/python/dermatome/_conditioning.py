@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+from dermatome._arguments import number_of, whole_of
 from dermatome._dermatome import Map, as_floats, condition_readings, is_of_touch
-from dermatome._errors import DataError, number_of, whole_of
+from dermatome._errors import DataError
 from dermatome._kinds import is_mapping
 
 if TYPE_CHECKING:

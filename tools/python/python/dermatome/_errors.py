@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import operator
-import os
 import re
 from typing import Any
 
@@ -53,54 +51,6 @@ class MissingFileError(FileError, FileNotFoundError):
 
 class DermatomeWarning(UserWarning):
     """What was done is other than may be expected, as `build` says of a map that is poor or of a patch that is left out."""
-
-
-def check_kind(argument: str, value: object, kind: type | tuple[type, ...], needed: str) -> None:
-    """Refuses an argument of another type."""
-    if not isinstance(value, kind):
-        raise ArgumentError(f"{argument}: found {type(value).__name__}; needed: {needed}")
-
-
-def path_of(argument: str, value: object) -> str:
-    """A path as text; an error of another argument."""
-    try:
-        return os.fspath(value)  # type: ignore[call-overload, no-any-return]
-    except TypeError:
-        raise ArgumentError(f"{argument}: found {type(value).__name__}; needed: a path") from None
-
-
-def number_of(argument: str, value: object, needed: str) -> float:
-    """A number; an error of another argument."""
-    try:
-        if not isinstance(value, (str, bytes)):  # `float` reads them, too.
-            return float(value)  # type: ignore[arg-type]
-    except (TypeError, ValueError, OverflowError):
-        pass
-    raise ArgumentError(f"{argument}: found {shown(value)}; needed: {needed}")
-
-
-def shown(value: object) -> str:
-    """A value in a message: the first letters of its text."""
-    try:
-        return repr(str(value)[:40])
-    except ValueError:  # Of a number of thousands of digits.
-        return type(value).__name__
-
-
-def whole_of(argument: str, value: object, needed: str) -> int:
-    """A whole number of 64 bits; an error of another argument."""
-    try:
-        number = operator.index(value)  # type: ignore[arg-type]
-    except TypeError:
-        raise ArgumentError(f"{argument}: found {shown(value)}; needed: {needed}") from None
-    if not -(2**63) <= number < 2**63:
-        raise DataError(f"{argument}: found a number of {number.bit_length()} bits; needed: {needed}, of 64 bits")
-    return number
-
-
-#: What takes the place of another type, in messages.
-A_MAP = "a Map, as dermatome.build or Map.read makes it"
-READINGS = "Readings, as Readings.read(path) reads them"
 
 
 for _class in (Error, DataError, ArgumentError, FileError, MissingFileError, DermatomeWarning):

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, NoReturn
 
+from dermatome._arguments import whole_of
 from dermatome._bodies import BodyCalibration, bodies_of
 from dermatome._calibrate import check_options, options_of, options_of_bodies
 from dermatome._dermatome import Calibration, Map, Observations, Skin, TouchFollower, TouchLines
-from dermatome._errors import DataError, whole_of
+from dermatome._errors import ArgumentError, DataError
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -70,9 +72,9 @@ class Following(Iterator[FollowedTouch]):
         What was assumed, each once.
     """
 
-    def __init__(self, rows: Iterable[Any], follower: TouchFollower, unit: Any) -> None:
+    def __init__(self, rows: Iterator[Any], follower: TouchFollower, unit: Any) -> None:
         self.remarks: list[str] = []
-        self._rows, self._follower, self._unit = iter(rows), follower, unit
+        self._rows, self._follower, self._unit = rows, follower, unit
         self._lines: TouchLines | None = None
         self._result: Calibration | BodyCalibration | None = None
 
@@ -198,12 +200,14 @@ def follow(
     every = whole_of("every", every, "a number of touches")
     if every < 1:
         raise DataError(f"every: found {every}; needed: a number of touches, at least 1")
-    kind = type(rows)
-    if issubclass(kind, (str, bytes, Mapping, Observations)) or not issubclass(kind, Iterable):
-        raise DataError(f"rows: found {kind.__name__}; needed: an iterable of lines or of touches")
+    kind, lines = type(rows), None
+    with contextlib.suppress(TypeError):
+        lines = None if issubclass(kind, (str, bytes, Mapping, Observations)) else iter(rows)
+    if lines is None:
+        raise ArgumentError(f"rows: found {kind.__name__}; needed: an iterable of lines or of touches")
     if cad is None:
-        return Following(rows, TouchFollower.of_taxels(taxels, every, threads), unit)
-    return Following(rows, TouchFollower.of_bodies(cad, *options_of_bodies(bodies), every, threads), unit)
+        return Following(lines, TouchFollower.of_taxels(taxels, every, threads), unit)
+    return Following(lines, TouchFollower.of_bodies(cad, *options_of_bodies(bodies), every, threads), unit)
 
 
 for _each in (FollowedTouch, Following, follow):

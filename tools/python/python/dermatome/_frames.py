@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from dermatome._errors import ArgumentError, DataError, number_of
+from dermatome._arguments import number_of
+from dermatome._errors import ArgumentError, DataError
 
 if TYPE_CHECKING:
     from dermatome._dermatome import Map

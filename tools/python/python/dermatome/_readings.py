@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import operator
-from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 from dermatome import _conditioning
-from dermatome._dermatome import Map, as_floats, as_numbers, is_extensive, join_readings, read_readings
-from dermatome._errors import A_MAP, ArgumentError, DataError, check_kind, path_of
+from dermatome._arguments import A_MAP, array_of, check_kind, one_of, path_of, whole_of, words_of
+from dermatome._dermatome import Map, as_floats, as_numbers, is_extensive, join_readings, main_channel, read_readings, summarise_readings
+from dermatome._errors import ArgumentError, DataError
 from dermatome._whole import written
 
 if TYPE_CHECKING:
@@ -100,7 +100,8 @@ class Readings:
         DataError
             If it is no recording, the layout or the number of names is another, or an id is of no taxel of the map.
         """
-        stored, measured = _stored(path)
+        layout = None if layout is None else one_of("layout", layout, ("tnc", "tcn"))  # type: ignore[assignment]
+        stored, measured = _stored(path_of("path", path))
         arrays = read_readings(path, stored or layout or "tnc")
         remarks: list[str] = []
         if stored and layout not in (None, stored) and arrays["values"].shape[1] > 1:
@@ -159,8 +160,7 @@ class Readings:
         """
         from dermatome._recording import Recording
 
-        path_of("path", path)
-        return Recording(Readings, path, stream, layout, episode)
+        return Recording(Readings, path_of("path", path), stream, layout, episode)
 
     @staticmethod
     def from_arrays(
@@ -260,7 +260,7 @@ class Readings:
         DataError
             If there is no such channel.
         """
-        names = (channels,) if isinstance(channels, str) else tuple(channels) if isinstance(channels, Iterable) else (channels,)
+        names = words_of("channels", channels, f"some of {list(self.channels)}")
         missing = [name for name in names if name not in self.channels]
         if missing or not names:
             raise DataError(f"channels: found {missing[0] if missing else 'none'!r}; needed: some of {list(self.channels)}")
@@ -287,7 +287,7 @@ class Readings:
         import numpy as np
 
         known: Any = range(self.values.shape[2]) if self.ids is None else self.ids
-        gone: NDArray[Any] = np.asarray(ids).ravel()
+        gone = array_of("ids", ids, f"{'places' if self.ids is None else 'ids'} of taxels").ravel()
         missing = ~np.isin(gone, known)
         if missing.any():
             raise DataError(f"ids: found {gone[missing][0]}; needed: {'places' if self.ids is None else 'ids'} of taxels of the recording")
@@ -336,18 +336,13 @@ class Readings:
         return (self[frame] for frame in range(len(self)))
 
     def __getitem__(self, frames: Any) -> Readings:
-        import numpy as np
-
         if isinstance(frames, tuple):
             raise DataError("frames: found several indices; needed: one, of frames; values[...] are numbers")
-        if np.ndim(frames) == 0 and not isinstance(frames, slice):
-            try:
-                frames = [range(len(self))[operator.index(frames)]]
-            except TypeError:
-                needed = "a number, a slice or an array of numbers; select(channel) and drop(ids) choose channels and taxels"
-                raise ArgumentError(f"frames: found {frames!r}; needed: {needed}") from None
-        measured = None if self.measured is None else self.measured[frames]
-        return replace(self, values=self.values[frames], timestamps=self.timestamps[frames], measured=measured)
+        chosen: Any = frames
+        if not isinstance(frames, slice):
+            chosen = frames_of(frames, len(self))
+        measured = None if self.measured is None else self.measured[chosen]
+        return replace(self, values=self.values[chosen], timestamps=self.timestamps[chosen], measured=measured)
 
     def __repr__(self) -> str:
         frames, count, taxels = self.values.shape
@@ -589,12 +584,9 @@ class Readings:
         >>> whole["group"], whole["taxels"], whole["force_peak"] > 0
         ('whole', 81.0, True)
         """
-        from dermatome._dermatome import summarise_readings
-
         joined = self.on(map)
         names = joined.channels or ("",)
-        if channel is not None and channel not in names:
-            raise DataError(f"channel: found {channel!r}; needed: one of {list(names)}")
+        channel = None if channel is None else one_of("channel", channel, names)
         main = _main(joined)
         number = main if channel is None else names.index(channel)
         unit = joined.units[number] if joined.units else ""
@@ -749,8 +741,6 @@ def of_arrays(arrays: dict[str, Any]) -> Readings:
 
 def _main(readings: Readings) -> int:
     """The number of the channel that measures touches first, which `threshold` is of."""
-    from dermatome._dermatome import main_channel
-
     return main_channel(readings.channels, readings.units)
 
 
@@ -803,13 +793,32 @@ def _times(given: Any, frames: int) -> NDArray[np.float64]:
 
 def names_of(argument: str, given: str | Sequence[str], count: int) -> tuple[str, ...]:
     """Names or units of `count` channels."""
-    names = (given,) if isinstance(given, str) or not isinstance(given, Iterable) else tuple(given)
+    names = words_of(argument, given)
     if len(names) != count:
         raise DataError(f"{argument}: found {len(names)}; needed: {count}")
-    wrong = [name for name in names if not isinstance(name, str)]
-    if wrong:
-        raise DataError(f"{argument}: found {wrong[0]!r}; needed: words")
     return names
+
+
+def channel_of(readings: Readings, channel: int | None) -> int:
+    """The number of a channel; by default of the first that measures touches."""
+    if channel is None:
+        return main_channel(readings.channels, readings.units)
+    number, count = whole_of("channel", channel, "the number of a channel"), len(readings.channels)
+    if not -count <= number < count:
+        raise DataError(f"channel: found {number}; needed: one of {count}")
+    return number % count
+
+
+def frames_of(frames: Any, count: int) -> Any:
+    """What chooses frames of an array; one is a list of it, and beyond the last there is none, as in any sequence."""
+    needed = "a number, a slice, a mask or an array of numbers; select(channel) and drop(ids) choose channels and taxels"
+    try:
+        return [range(count)[operator.index(frames)]]
+    except TypeError:
+        chosen = array_of("frames", frames, needed)
+    if chosen.ndim != 1 or chosen.dtype.kind == "f" and chosen.size or chosen.dtype.kind == "b" and len(chosen) != count:
+        raise ArgumentError(f"frames: found {chosen.dtype} of shape {chosen.shape}; needed: {needed}")
+    return chosen if chosen.size else chosen.astype(int)
 
 
 def _any_finite(times: Any) -> bool:

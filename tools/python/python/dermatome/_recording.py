@@ -8,8 +8,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal
 
+from dermatome._arguments import A_MAP, check_kind, path_of, word_of
 from dermatome._dermatome import Layout, Map, Skin
-from dermatome._errors import DataError
+from dermatome._errors import ArgumentError, DataError
 from dermatome._whole import whole, written
 from dermatome.recordings import Container, Track, open_container
 from dermatome.recordings._blocks import Join, Zeros, learn_frames, learnable
@@ -63,15 +64,16 @@ class Recording:
     def __init__(
         self, made: type[Readings], path: str | os.PathLike[str], stream: str | None = None, layout: Any = None, episode: int | None = None
     ) -> None:
-        self._made, self.path = made, os.fspath(path)
+        self._made, self.path = made, path_of("path", path)
         number = None if episode is None else whole(episode)
         if episode is not None and (number is None or number < 0):
             raise DataError(f"episode: found {episode!r}; needed: a whole number from 0")
         # The order of three axes of an array, as a word.
-        self._axes: Literal["tnc", "tcn"] | None = layout if layout in ("tnc", "tcn") else None
+        is_axes = isinstance(layout, str) and layout in ("tnc", "tcn")
+        self._axes: Literal["tnc", "tcn"] | None = layout if is_axes else None  # type: ignore[assignment, unused-ignore]
         self.layout = layout_of(None if self._axes else layout)
         self.episode = number
-        self._given = stream
+        self._given = stream = None if stream is None else word_of("stream", stream)
         self._wanted = stream if stream is not None else self.layout.stream if self.layout else None
         self._from = "argument" if stream is not None else "layout" if self._wanted else "file"
         self._container: Container | None = open_container(path)
@@ -150,6 +152,8 @@ class Recording:
             If frames is no whole number above 0, a layout is needed, or, while they are read, a frame is not as the
             layout says.
         """
+        if map is not None:
+            check_kind("map", map, Map, A_MAP)
         return self._chunks(map, _frames(frames))
 
     def _chunks(self, map: Map | None, frames: int) -> Iterator[Readings]:
@@ -433,7 +437,7 @@ def layout_of(given: Layout | str | os.PathLike[str] | Mapping[str, Any] | None)
             raise DataError(f"layout: found {error}; needed: what JSON can hold") from None
     if isinstance(given, (str, os.PathLike)):
         return Layout.read(given)
-    raise DataError(f"layout: found {type(given).__name__}; needed: a file, a Layout or a dict")
+    raise ArgumentError(f"layout: found {type(given).__name__}; needed: a file, a Layout or a dict")
 
 
 def _plain(value: Any) -> Any:

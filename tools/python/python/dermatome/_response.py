@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from dermatome._arguments import A_MAP, READINGS, check_kind, items_of, mapping_of, whole_of
 from dermatome._dermatome import Map, Response, estimate_response, examine_taxels, order_columns
-from dermatome._errors import A_MAP, READINGS, DataError, check_kind, whole_of
+from dermatome._errors import DataError
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
     import numpy as np
     from numpy.typing import ArrayLike, NDArray
 
@@ -114,8 +115,8 @@ def examine(
     >>> [(finding["kind"], finding["taxels"]) for finding in findings]
     [('dead', [8])]
     """
-    check_kind("modules", {} if modules is None else modules, Mapping, "a mapping of the id of each taxel to its module")
-    named = [] if modules is None else [(whole_of("modules", taxel, "ids of taxels"), str(module)) for taxel, module in modules.items()]
+    given = mapping_of("modules", {} if modules is None else modules, "a mapping of the id of each taxel to its module")
+    named = [(whole_of("modules", taxel, "ids of taxels"), str(module)) for taxel, module in given.items()]
     return examine_taxels(map, _arrays(map, readings), threshold=threshold, modules=named, zero=zero)
 
 
@@ -168,9 +169,9 @@ def order(
     True
     """
     check_kind("map", map, Map, A_MAP)
-    check_kind("known", {} if known is None else known, Mapping, "a mapping of columns to the ids of their taxels")
+    given = mapping_of("known", {} if known is None else known, "a mapping of columns to the ids of their taxels")
     arrays = [_of_one(each) for _, each in _every(readings)]
-    pairs = [] if known is None else [(whole_of("known", column, "numbers of columns"), whole_of("known", taxel, "ids of taxels")) for column, taxel in known.items()]
+    pairs = [(whole_of("known", column, "numbers of columns"), whole_of("known", taxel, "ids of taxels")) for column, taxel in given.items()]
     return order_columns(map, arrays, known=pairs, threshold=threshold, zero=zero)
 
 
@@ -190,9 +191,7 @@ def _every(readings: Readings | Sequence[Readings]) -> list[tuple[str, Readings]
 
     if isinstance(readings, Readings):
         return [("readings", readings)]
-    if isinstance(readings, (str, os.PathLike)) or not isinstance(readings, Iterable):
-        raise DataError(f"readings: found {type(readings).__name__}; needed: {READINGS}")
-    every = [(f"readings[{number}]", each) for number, each in enumerate(readings)]
+    every = [(f"readings[{number}]", each) for number, each in enumerate(items_of("readings", readings, READINGS))]
     for name, each in every:
         check_kind(name, each, Readings, READINGS)
     return every

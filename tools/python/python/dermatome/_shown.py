@@ -49,6 +49,8 @@ def video(renderer: Renderer, values: Any, path: Path, numbers: tuple[int, float
         bounds = [(float(np.nanmin(part)), float(np.nanmax(part))) for part in images() if np.isfinite(part).any()]
         low, high = min([0.0, *(low for low, _ in bounds)]), max([0.0, *(high for _, high in bounds)])
         range = (low, high if high > low else low + 1)
+    if not path.suffix:
+        raise DataError(f"path: found {str(path)!r}; needed: a name that ends with .mp4, .gif or another kind of video")
     is_gif = path.suffix.lower() == ".gif"
     options = {"mode": "I", "duration": 1000 / rate, "loop": 0} if is_gif else {"fps": rate, "macro_block_size": 1}
     with written(path) as part, imageio.get_writer(part, **options) as writer:

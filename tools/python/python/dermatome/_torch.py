@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import itertools
+import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 import torch  # type: ignore[import-not-found, unused-ignore]
 
-from dermatome._dermatome import ContactTracker, Map, Renderer, main_channel
-from dermatome._errors import DataError
+from dermatome._arguments import A_MAP, READINGS, check_kind, flag_of, items_of, mapping_of, number_of, whole_of
+from dermatome._dermatome import ContactTracker, Map, Renderer, as_floats, main_channel
+from dermatome._errors import ArgumentError, DataError
 from dermatome._readings import Readings
 from dermatome._weights import marks, shares
 
@@ -19,6 +20,12 @@ from dermatome._weights import marks, shares
 LEAST_SEEN = 1e-3
 # Times of a truth are those of its frames to this, in s.
 SAME_TIME = 1e-6
+
+
+def tensor_of(array: Any) -> Any:
+    """The tensor of an array, which torch does not type."""
+    untyped: Any = torch
+    return untyped.from_numpy(array)
 
 
 class _Gather(torch.nn.Module):  # type: ignore[misc, unused-ignore]
@@ -37,7 +44,7 @@ class _Gather(torch.nn.Module):  # type: ignore[misc, unused-ignore]
 
     def keep(self, name: str, numbers: Any, dtype: Any) -> None:
         """A buffer that no checkpoint has: it follows from the map of this module, also where a checkpoint is of another."""
-        self.register_buffer(name, torch.from_numpy(np.array(numbers, dtype=dtype)), persistent=False)
+        self.register_buffer(name, tensor_of(np.array(numbers, dtype=dtype)), persistent=False)
 
     def flat(self, values: Any) -> Any:
         """Values (..., columns) as (columns, frames), whole numbers as floats."""
@@ -89,7 +96,7 @@ class Pool(_Gather):
     """
 
     def __init__(self, map: Map, level: int | str, *, patch: str | None = None, extensive: bool = False) -> None:
-        taxel, field, weight, shape = shares(map, level, patch, extensive)
+        taxel, field, weight, shape = shares(map, level, patch, flag_of("extensive", extensive))
         # Averages need shares, not areas: those of a field have the sum 1 if none is missing.
         scale = 1.0 if extensive else np.bincount(field, weights=weight, minlength=shape[0])[field]
         super().__init__(field, taxel, weight / scale, shape)
@@ -138,11 +145,12 @@ class Draw(_Gather):
     nearest: torch.Tensor
 
     def __init__(self, renderer: Renderer, *, fill: float = float("nan")) -> None:
+        check_kind("renderer", renderer, Renderer, "a Renderer, as Map.renderer makes it")
         pixel, value, weight, shape, nearest = marks(renderer)
         super().__init__(pixel, value, weight, shape)
         if len(set(renderer.extensive)) > 1:
             raise DataError("renderer: found channels that are amounts and others that are averages; needed: one of the two")
-        self.size, self.fill, self.extensive = renderer.shape, fill, renderer.extensive[0]
+        self.size, self.fill, self.extensive = renderer.shape, number_of("fill", fill, "a number"), renderer.extensive[0]
         # Of a pixel, in m^2.
         self.area = renderer.pixel[0] * renderer.pixel[1]
         self.keep("drawn", np.flatnonzero(nearest >= 0), np.int64)
@@ -251,17 +259,21 @@ class Touches(torch.utils.data.Dataset):  # type: ignore[misc, type-arg, unused-
         history: int = 1,
         transform: Callable[[dict[str, Any]], Any] | None = None,
     ) -> None:
-        if history < 1:
+        self.history, self.transform = whole_of("history", history, "a number of frames above 0"), transform
+        if self.history < 1:
             raise DataError(f"history: found {history}; needed: a number of frames above 0")
-        self.history, self.transform = int(history), transform
-        self.actions: Any = None if actions is None else np.asarray(actions, dtype=np.float32)
+        if transform is not None and not callable(transform):
+            raise ArgumentError(f"transform: found {type(transform).__name__}; needed: a function of a sample")
+        check_kind("map", map, Map, A_MAP)
+        check_kind("readings", readings, Readings, READINGS)
+        self.actions: Any = None if actions is None else as_floats("actions", actions).astype(np.float32)
         if self.actions is not None:
-            self.actions = self.actions.reshape(len(self.actions), -1)
-        if self.actions is not None and len(self.actions) != len(readings):
-            raise DataError(f"actions: found {len(self.actions)} rows; needed: {len(readings)}, one for each frame")
-        self.map, self.readings, self.level, self.patch, self.fill = map, readings.on(map), level, patch, fill
-        height, width = size
-        self.size = (int(height), int(width))
+            if self.actions.shape[:1] != (len(readings),):
+                raise DataError(f"actions: found shape {self.actions.shape}; needed: a row for each of {len(readings)} frames")
+            self.actions = self.actions.reshape(len(readings), math.prod(self.actions.shape[1:]))
+        self.map, self.readings, self.level, self.patch = map, readings.on(map), level, patch
+        self.fill = number_of("fill", fill, "a number")
+        self.size = size
         self._renderer: Renderer | None = None
         self._made()  # What cannot be drawn is refused here, not in a worker.
         self.contacts = _truth(map, readings, truth) if truth is not None else _tracked(map, self.readings, threshold)
@@ -274,12 +286,13 @@ class Touches(torch.utils.data.Dataset):  # type: ignore[misc, type-arg, unused-
 
     def __getitem__(self, frame: Any) -> Any:
         """The sample of a frame; of a slice, a mask or several frames the `Subset` of them."""
+        subset: Any = torch.utils.data.Subset
         if isinstance(frame, slice):
-            return torch.utils.data.Subset(self, range(len(self))[frame])
+            return subset(self, range(len(self))[frame])
         if np.ndim(frame) > 0:
             numbers = np.asarray(frame)
             chosen = np.flatnonzero(numbers) if numbers.dtype == bool else numbers
-            return torch.utils.data.Subset(self, [range(len(self))[int(k)] for k in chosen])
+            return subset(self, [range(len(self))[int(k)] for k in chosen])
         return self.__getitems__([frame])[0]
 
     def __getitems__(self, frames: Sequence[int]) -> list[dict[str, Any]]:
@@ -299,10 +312,10 @@ class Touches(torch.utils.data.Dataset):  # type: ignore[misc, type-arg, unused-
             "valid": valid,
         }
         of_sample = places if self.history > 1 else places[:, 0]
-        tensors = {name: torch.from_numpy(array[of_sample]) for name, array in arrays.items()}
+        tensors = {name: tensor_of(array[of_sample]) for name, array in arrays.items()}
         if self.actions is not None:
-            tensors["action"] = torch.from_numpy(self.actions[chosen])
-        contacts = {name: torch.from_numpy(array[chosen]) for name, array in self.contacts.items()}
+            tensors["action"] = tensor_of(self.actions[chosen])
+        contacts = {name: tensor_of(array[chosen]) for name, array in self.contacts.items()}
         samples = [
             {**{name: each[k] for name, each in tensors.items()}, "contact": {name: each[k] for name, each in contacts.items()}}
             for k in range(len(chosen))
@@ -341,8 +354,14 @@ def _put(contacts: dict[str, Any], frame: int, force: float, centre: Any, patch:
 def _truth(map: Map, readings: Readings, truth: dict[str, Any]) -> dict[str, Any]:
     frames, times = len(readings), readings.timestamps
     contacts, numbers = _blank(frames), {name: number for number, name in enumerate(map.patches)}
-    rows = zip(truth["frame"], truth.get("time", itertools.repeat(np.nan)), truth["force"], truth["centre"], truth["patch"])
-    for row, (frame, time, force, centre, patch) in enumerate(rows):
+    needed = "a dict of frame, force, centre and patch of each contact, as dermatome.touch returns it"
+    known = mapping_of("truth", truth, needed)
+    missing = {"frame", "force", "centre", "patch"} - set(known)
+    if missing:
+        raise DataError(f"truth: found no {sorted(missing)[0]}; needed: {needed}")
+    columns = [items_of(f"truth[{name!r}]", known[name], needed) for name in ("frame", "force", "centre", "patch")]
+    columns.append(items_of("truth['time']", known["time"], needed) if "time" in known else [np.nan] * len(columns[0]))
+    for row, (frame, force, centre, patch, time) in enumerate(zip(*columns)):
         if not 0 <= frame < frames or patch not in numbers:
             needed = f"frames of {frames} and patches of the map"
             raise DataError(f"truth: found frame {frame}, patch {patch!r}; needed: {needed}")

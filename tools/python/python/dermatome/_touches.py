@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any, Literal
 
+from dermatome._arguments import READINGS, check_kind, flag_of, items_of, mapping_of, number_of, path_of, whole_of, word_of
 from dermatome._dermatome import Map, Observations, Skin, contacts_of_log
-from dermatome._errors import READINGS, DataError, check_kind, number_of, whole_of
+from dermatome._errors import DataError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from numpy.typing import ArrayLike
 
@@ -101,28 +101,26 @@ def touches(
         if number is not None:
             number_of(name, number, "a number, or None")
     taxel_radius = number_of("taxel_radius", taxel_radius, "a length in m")
-    check_kind("link", link or "", str, "the name of a link")
-    check_kind("pose", pose or "", (str, os.PathLike), "a path")
-    check_kind("skip", skip, Iterable, "ids of taxels")
     if joints is not None and not isinstance(joints, (str, os.PathLike)):
-        check_kind("joints", joints, Mapping, "a value for each joint by its name, or the path of a table")
+        needed = "a value for each joint by its name, or the path of a table"
+        joints = {word_of("joints", name, needed): number_of("joints", value, needed) for name, value in mapping_of("joints", joints, needed).items()}
     arguments = {
         "skin": Skin.read(skin) if isinstance(skin, (str, os.PathLike)) else skin,
         # Taxels of the log may be in no triangle of the file, and so not in the skin.
         "drawing": skin if isinstance(skin, (str, os.PathLike)) else None,
         "readings": None if readings is None else _readings(readings, skin is not None),
         "threshold": threshold,
-        "pose": pose,
-        "joints": dict(joints) if isinstance(joints, Mapping) else joints,
-        "fit_joints": bool(fit_joints),
-        "link": link,
+        "pose": None if pose is None else path_of("pose", pose),
+        "joints": joints,
+        "fit_joints": flag_of("fit_joints", fit_joints),
+        "link": None if link is None else word_of("link", link, "the name of a link"),
         "radius": radius,
         "taxel_radius": taxel_radius,
         "stiffness": stiffness,
         "arm_noise": arm_noise,
-        "delay": None if delay == "auto" else number_of("delay", delay, '"auto", or a number of seconds'),
-        "skip": [whole_of("skip", taxel, "ids of taxels") for taxel in skip],
-        "threads": threads,
+        "delay": None if isinstance(delay, str) and delay == "auto" else number_of("delay", delay, '"auto", or a number of seconds'),
+        "skip": [whole_of("skip", taxel, "ids of taxels") for taxel in items_of("skip", skip, "ids of taxels")],
+        "threads": whole_of("threads", threads, "a number of threads"),
     }
     if fit_joints and joints is None:
         raise DataError("fit_joints: found no joints; needed: pose, a robot, and joints, the values of its joints")

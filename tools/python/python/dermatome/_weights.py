@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from dermatome._adapter import checked, need
+from dermatome._adapter import checked, need, patch_of, patches_of
 from dermatome._dermatome import Map, Renderer
-from dermatome._errors import DataError
 
 # Weights that are rounded away in 32 bits.
 LEAST = 1e-18
@@ -18,9 +17,7 @@ def shares(map: Map, level: int | str, patch: str | None, extensive: bool) -> tu
     Averages are weighted by areas (m^2).
     """
     np = need("numpy", "torch")
-    if patch is not None and patch not in map.patches:
-        raise DataError(f"patch: found {patch!r}; needed: one of {list(map.patches)[:10]}")
-    of = list(map.patches.values()) if patch is None else [map.patches[patch]]
+    of = list(patches_of(map).values()) if patch is None else [patch_of(map, patch)]
     direct = map.pooling(level if isinstance(level, str) else checked(map, level), patch=patch)
     taxels, fields = direct.shape
     present = map.present[of[0].start : of[0].start + taxels] == 1

@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from dermatome._adapter import level_of, need, patch_of
+from dermatome._arguments import flag_of, items_of, number_of, whole_of
 from dermatome._dermatome import Map
-from dermatome._errors import DataError, shown, whole_of
+from dermatome._errors import DataError
 
 __all__ = ["probes"]
 
@@ -44,11 +45,15 @@ def probes(
     points: Any
     outward: Any
     of, whole = level_of(map, patch, level), patch_of(map, patch)
-    size = float(np.sqrt(of.areas.mean() / np.pi)) if radius is None else radius
+    size = float(np.sqrt(of.areas.mean() / np.pi)) if radius is None else number_of("radius", radius, "a length in m")
     if grid is None:
         points, outward, radii = of.positions, of.normals, np.full(len(of.positions), size)
     else:
-        rows, columns = _sides(grid)
+        needed = "two whole numbers above 0, rows and columns"
+        pair = [whole_of("grid", each, needed) for each in items_of("grid", grid, needed)]
+        if len(pair) != 2 or min(pair) < 1:
+            raise DataError(f"grid: found {pair}; needed: {needed}")
+        rows, columns = pair
         u = of.frame.x + (np.arange(columns) + 0.5) / columns * of.frame.width
         v = of.frame.y + (1 - (np.arange(rows) + 0.5) / rows) * of.frame.height
         places = np.stack(np.meshgrid(u, v), axis=-1)
@@ -56,19 +61,4 @@ def probes(
         points, outward = points.reshape(rows, columns, 3), outward.reshape(rows, columns, 3)
         radii = np.where(off > 0, 0.0, size).reshape(rows, columns)
     options = {"probe_local_pos": points, "probe_radius": radii}
-    return {**options, "probe_local_normal": outward} if normals else options
-
-
-def _sides(grid: Any) -> tuple[int, int]:
-    """The rows and columns of a grid."""
-    needed = "two whole numbers above 0, rows and columns"
-    try:
-        sides = list(grid)
-    except TypeError:
-        sides = []
-    if len(sides) != 2:
-        raise DataError(f"grid: found {shown(grid)}; needed: {needed}")
-    rows, columns = (whole_of("grid", side, needed) for side in sides)
-    if rows < 1 or columns < 1:
-        raise DataError(f"grid: found {rows} rows and {columns} columns; needed: {needed}")
-    return rows, columns
+    return {**options, "probe_local_normal": outward} if flag_of("normals", normals) else options

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from dermatome._adapter import field_counts, need
+from dermatome._adapter import field_counts, need, patches_of
+from dermatome._arguments import A_MAP, check_kind, mapping_of, number_of
 from dermatome._dermatome import Map, Renderer, as_floats
 from dermatome._errors import DataError
 
@@ -37,7 +38,7 @@ def keys(map: Map, level: int | str) -> dict[str, str]:
     if isinstance(level, str):
         return {name: key(name, level) for name, _, _ in field_counts(map, level)}
     taken: dict[str, str] = {}
-    for name in map.patches:
+    for name in patches_of(map):
         plain = map._name_in_levels(name)
         free, number = plain, 1
         while key(free, level) in taken:
@@ -70,10 +71,19 @@ def features(map: Map, level: int | str = 1, *, images: dict[str, Renderer] | No
     for name, count, _ in field_counts(map, level):
         for feature in (names[name], f"{names[name]}.valid"):
             made[feature] = {"dtype": "float32", "shape": (count,), "names": None}
-    for name, renderer in (images or {}).items():
+    for name, renderer in _renderers_of(images).items():
         shape = (*renderer.shape, 3)
         made[f"observation.images.{name}"] = {"dtype": "image", "shape": shape, "names": ["height", "width", "channels"]}
     return made
+
+
+def _renderers_of(images: Any) -> dict[str, Renderer]:
+    """Renderers by the names of images."""
+    needed = "a dict of names of images to renderers, as Map.renderer makes them"
+    given = mapping_of("images", {} if images is None else images, needed)
+    for name, renderer in given.items():
+        check_kind(f"images[{name!r}]", renderer, Renderer, needed)
+    return dict(given)
 
 
 def frame(
@@ -101,9 +111,11 @@ def frame(
         If the shape is another, the map has no such level, or the limit is no number above 0.
     """
     np = need("numpy", "lerobot")
-    if limit is None and any(any(renderer.extensive) for renderer in (images or {}).values()):
+    check_kind("map", map, Map, A_MAP)
+    renderers = _renderers_of(images)
+    if limit is None and any(any(renderer.extensive) for renderer in renderers.values()):
         raise DataError("limit: found none for a renderer of amounts; needed: the value per m^2 of the map that is white")
-    white = 1.0 if limit is None else limit
+    white = 1.0 if limit is None else number_of("limit", limit, "a number above 0")
     if not 0 < white < float("inf"):
         raise DataError(f"limit: found {limit}; needed: a number above 0")
     values = as_floats("values", values)
@@ -115,7 +127,7 @@ def frame(
     for name, _, fields in field_counts(map, level):
         made[names[name]] = finite[fields].copy()
         made[f"{names[name]}.valid"] = valid[fields].copy()
-    for name, renderer in (images or {}).items():
+    for name, renderer in renderers.items():
         grey = np.clip(np.nan_to_num(renderer(values[None])[0, 0]) / white * 255, 0, 255).astype(np.uint8)
         made[f"observation.images.{name}"] = np.repeat(grey[:, :, None], 3, axis=2)
     return made
@@ -130,5 +142,6 @@ def masks(map: Map, level: int | str = 1) -> dict[str, Any]:
         If the map has no such level.
     """
     np = need("numpy", "lerobot")
+    check_kind("map", map, Map, A_MAP)
     known, names = np.isfinite(map.pool(np.zeros(map.n_taxels), level)), keys(map, level)
     return {names[name]: known[fields].copy() for name, _, fields in field_counts(map, level)}

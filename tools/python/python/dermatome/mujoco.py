@@ -9,11 +9,13 @@ from typing import Any, Literal
 from xml.sax.saxutils import quoteattr
 
 from dermatome._adapter import fields_of, level_of, need, patch_of
+from dermatome._arguments import A_MAP, check_kind, flag_of, mapping_of, path_of, word_of, words_of
 from dermatome._dermatome import Map, Skin
-from dermatome._errors import A_MAP, DataError, check_kind
+from dermatome._errors import DataError
 
 __all__ = ["attach", "attach_all", "readings", "skin"]
 
+A_SPEC = "a mujoco.MjSpec, as MjSpec.from_file reads it: sensors are added before it is compiled"
 # Fewer vertices make no mesh of MuJoCo.
 LEAST_VERTICES = 4
 
@@ -61,8 +63,9 @@ def attach(
         If the model has no such body, or the map no such patch or level.
     """
     mujoco, np = need("mujoco", "mujoco"), need("numpy", "mujoco")
-    check_kind("spec", spec, mujoco.MjSpec, "a mujoco.MjSpec, as MjSpec.from_file reads it: sensors are added before it is compiled")
+    check_kind("spec", spec, mujoco.MjSpec, A_SPEC)
     check_kind("map", map, Map, A_MAP)
+    body, name = (None if given is None else word_of(argument, given, "a name") for argument, given in (("body", body), ("name", name)))
     if patch is None and len(map.patches) > 1:
         raise DataError(f"patch: found None of {len(map.patches)}; needed: one of {list(map.patches)[:10]}, or attach_all")
     of, whole = level_of(map, patch, level), patch_of(map, patch)
@@ -131,10 +134,13 @@ def attach_all(spec: Any, map: Map, *, bodies: Mapping[str, str] | None = None, 
     DataError
         If the model has no such body, or the map no such patch or level.
     """
-    bodies = bodies or {}
+    check_kind("spec", spec, need("mujoco", "mujoco").MjSpec, A_SPEC)
+    check_kind("map", map, Map, A_MAP)
+    needed = f"names of bodies by links of the map, {list(map.links)[:10]}"
+    bodies = {word_of("bodies", link, needed): word_of("bodies", body, needed) for link, body in mapping_of("bodies", {} if bodies is None else bodies, needed).items()}
     unknown = set(bodies) - set(map.links)
     if unknown:
-        raise DataError(f"bodies: found {sorted(unknown)[0]!r}; needed: links of the map, {list(map.links)[:10]}")
+        raise DataError(f"bodies: found {sorted(unknown)[0]!r}; needed: {needed}")
     for name, patch in map.patches.items():  # All or none.
         if spec.body(bodies.get(patch.link, patch.link)) is None:
             raise DataError(f"bodies: found {bodies.get(patch.link, patch.link)!r} for patch {name!r}; needed: a body of the model")
@@ -170,12 +176,16 @@ def readings(data: Any, sensor: str | Map | Mapping[str, str], *, level: int = 0
         If the model has no such sensor.
     """
     np = need("numpy", "mujoco")
+    check_kind("data", data, need("mujoco", "mujoco").MjData, "a mujoco.MjData")
     if isinstance(sensor, str):
         return _felt(data, sensor)
     if isinstance(sensor, Map):
         parts = [(name, len(of.areas)) for name, of, _ in fields_of(sensor, level)]
     else:
-        parts = [(name, -1) for name in sensor.values()]
+        needed = "the name of a sensor, a Map, or what attach_all returned"
+        parts = [(word_of("sensor", name, needed), -1) for name in mapping_of("sensor", sensor, needed).values()]
+        if not parts:
+            raise DataError(f"sensor: found no name; needed: {needed}")
     made: list[Any] = []
     for name, count in parts:
         felt = _felt(data, name)
@@ -239,13 +249,15 @@ def skin(
     ('world', 'tip')
     """
     mujoco = need("mujoco", "mujoco")
+    bodies, visual = None if bodies is None else words_of("bodies", bodies, "names of bodies"), flag_of("visual", visual)
     if isinstance(model, mujoco.MjSpec):
         model = model.compile()
     elif not isinstance(model, mujoco.MjModel):
+        name = path_of("model", model, "a mujoco.MjModel or MjSpec, or a path")
         try:
-            model = mujoco.MjModel.from_xml_path(str(model))
+            model = mujoco.MjModel.from_xml_path(name)
         except ValueError as error:
-            raise DataError(f"model: {model}: {error}") from error
+            raise DataError(f"model: found {name}: {error}; needed: a model that MuJoCo reads") from error
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "model.xml"
         path.write_text(_covered(mujoco, model, bodies, visual), encoding="utf-8")

@@ -2,18 +2,31 @@
 
 from __future__ import annotations
 
+import inspect
 import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 from dermatome._adapter import need
+from dermatome._arguments import items_of, mapping_of, one_of, path_of
 from dermatome._dermatome import Index, Layout, Map
 from dermatome._errors import DataError, Error, FileError
 from dermatome._readings import Readings
 from dermatome._whole import written
 
 __all__ = ["Lookup", "Render", "episodes", "total", "touch_counts"]
+
+
+def _map_of(map: Any) -> Map:
+    """The map of a file, or of the bytes of one."""
+    return Map.from_bytes(map) if isinstance(map, bytes) else Map.read(path_of("map", map, "a path, or Map.to_bytes()"))
+
+
+def _options_of(renderer: Any) -> dict[str, Any]:
+    """Arguments of `Map.renderer`, but those that follow from the recording."""
+    known = [name for name in inspect.signature(Map.renderer).parameters if name not in ("self", "level", "channels", "extensive")]
+    return {one_of("renderer", name, known): value for name, value in mapping_of("renderer", renderer, "a dict of arguments of Map.renderer").items()}
 
 
 class Lookup:
@@ -39,7 +52,7 @@ class Lookup:
     """
 
     def __init__(self, map: str | os.PathLike[str] | bytes, level: int = 0, threads: int = 1) -> None:
-        read = Map.from_bytes(map) if isinstance(map, bytes) else Map.read(map)
+        read = _map_of(map)
         self.level, self.threads = level, threads
         self.index: Index = read.index(threads=threads)
 
@@ -94,8 +107,8 @@ def episodes(
     """
     made: list[dict[str, Any]] = []
     known: dict[str, str] = {}
-    for given in paths:
-        path = os.path.abspath(given)
+    for given in items_of("paths", paths, "a list of paths"):
+        path = os.path.abspath(path_of("paths", given, "a list of paths"))
         name = Path(path).stem
         if known.setdefault(name, path) != path:
             raise DataError(f"paths: found {known[name]} and {path}; needed: recordings of different names")
@@ -144,8 +157,9 @@ class Render:
         stream: str | None = None,
         layout: Layout | str | os.PathLike[str] | Mapping[str, Any] | None = None,
     ) -> None:
-        self.map = Map.from_bytes(map) if isinstance(map, bytes) else Map.read(map)
-        self.folder, self.level, self.options = Path(folder), level, renderer
+        self.map = _map_of(map)
+        self.folder, self.level = Path(path_of("folder", folder)), level
+        self.options = None if renderer is None else _options_of(renderer)
         self._opening: dict[str, Any] = {"stream": stream, "layout": layout}
         self._draw: dict[tuple[bool, ...], Any] = {}
         self._recording: Any = None

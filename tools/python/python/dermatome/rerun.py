@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from dermatome._adapter import fields_of, need
-from dermatome._dermatome import Map, main_channel
-from dermatome._readings import Readings
+from dermatome._arguments import READINGS, check_kind, number_of, word_of
+from dermatome._dermatome import Map
+from dermatome._readings import Readings, channel_of
 
 __all__ = ["log"]
 
@@ -33,6 +34,7 @@ def log(
         If readings are not of the map, or there is no such level or channel.
     """
     rerun, np = need("rerun", "rerun"), need("numpy", "rerun")
+    entity = word_of("entity", entity)
     fields, poses = fields_of(map, level), map.index().poses
     for name, of, _ in fields:
         pose = poses[map.patches[name].link]
@@ -44,10 +46,11 @@ def log(
         )
     if readings is None:
         return
+    check_kind("readings", readings, Readings, READINGS)
     readings = readings.on(map)
-    channel = main_channel(readings.channels, readings.units) if channel is None else channel
+    channel = channel_of(readings, channel)
     values = map.pool(readings.values[:, channel], level, extensive=readings.extensive[channel])
-    top = limit or float(np.nanmax(np.abs(values), initial=0.0)) or 1.0
+    top = (0.0 if limit is None else number_of("limit", limit, "a number above 0")) or float(np.nanmax(np.abs(values), initial=0.0)) or 1.0
     for frame, row in enumerate(values):
         if np.isfinite(readings.timestamps[frame]):
             rerun.set_time("time", duration=float(readings.timestamps[frame]))

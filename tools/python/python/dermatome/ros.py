@@ -12,10 +12,11 @@ from pathlib import Path
 from typing import Any, Literal
 
 from dermatome._adapter import fields_of, level_of, need, patch_of
-from dermatome._dermatome import Map, as_floats, main_channel
-from dermatome._errors import A_MAP, READINGS, DataError, FileError, MissingFileError, check_kind
+from dermatome._arguments import A_MAP, READINGS, array_of, check_kind, mapping_of, one_of, path_of, word_of, words_of
+from dermatome._dermatome import Map, as_floats
+from dermatome._errors import DataError, FileError, MissingFileError
 from dermatome._messages import Frame, arrays_in, field_of, frame_of, is_array, is_image, kind_of, readings_in, sensors_of, table_of
-from dermatome._readings import Readings
+from dermatome._readings import Readings, channel_of
 from dermatome._whole import written
 from dermatome.recordings.ros import open_bag, stamp_of
 
@@ -85,8 +86,14 @@ def read(
     DataError
         If there is no such topic or field, or a message is not of the taxels of the map: the message says which.
     """
-    if stamp not in (None, "header", "bag"):
-        raise DataError(f"stamp: found {stamp!r}; needed: 'header', 'bag' or None")
+    stamp = None if stamp is None else one_of("stamp", stamp, ("header", "bag"))  # type: ignore[assignment]
+    check_kind("map", map, Map, A_MAP)
+    path, topic = path_of("path", path), word_of("topic", topic, "the name of a topic")
+    if values is not None and not callable(values):
+        values = words_of("values", values, "the name of a field, names of several, or a function of a message")
+    if definitions is not None:
+        needed = "a dict of types of messages to their definitions"
+        definitions = {word_of("definitions", kind, needed): word_of("definitions", text, needed) for kind, text in mapping_of("definitions", definitions, needed).items()}
     np = need("numpy", "ros")
     frames: list[Any] = []
     kind = ""
@@ -95,7 +102,7 @@ def read(
     for number, (time, message) in enumerate(_messages(path, topic, definitions)):
         kind = kind_of(message)
         own = ids(message) if callable(ids) else _named_ids(message, ids) if isinstance(ids, str) else ids
-        own = None if own is None else np.asarray(own).ravel()
+        own = None if own is None else array_of("ids", own, "ids of taxels, the name of their field, or a function of a message").ravel()
         made = _numbers_of(message, map, map.n_taxels if own is None else len(own), values)
         if own is None:
             own = made.ids
@@ -138,7 +145,7 @@ def _numbers_of(message: Any, map: Map, count: int, wanted: Wanted) -> _Numbers:
             raise DataError(f"values: found shape {rows.shape}; needed: shape (n,) or (C, n)")
         rows = np.atleast_2d(rows)
         return _Numbers(rows, [f"channel{k}" for k in range(len(rows))])
-    names = _all_of(message) if wanted is None else [wanted] if isinstance(wanted, str) else list(wanted)
+    names = _all_of(message) if wanted is None else list(wanted)
     parts = [_laid(frame_of(message, name), name, map, count) for name in names]
     lengths = [part.values.shape[1] for part in parts]
     if len(set(lengths)) != 1:
@@ -306,10 +313,9 @@ def write(
     store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
     check_kind("map", map, Map, A_MAP)
     check_kind("readings", readings, Readings, READINGS)
+    path, topic = path_of("path", path), word_of("topic", topic, "the name of a topic")
     readings = readings.on(map)
-    channel = main_channel(readings.channels, readings.units) if channel is None else channel
-    if not -len(readings.channels) <= channel < len(readings.channels):
-        raise DataError(f"channel: found {channel}; needed: one of {len(readings.channels)}")
+    channel = channel_of(readings, channel)
     values, extensive = readings.values[:, channel], readings.extensive[channel]
     names = list(map.patches) if patch is None else [patch_of(map, patch).name]
     pooled = map.pool(values, level, extensive=extensive)

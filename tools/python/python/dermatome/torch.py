@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from dermatome._adapter import need
+from dermatome._arguments import check_kind, flag_of
 from dermatome._dermatome import Map, Matrix, Renderer
 from dermatome._weights import shares
 
@@ -29,10 +30,11 @@ def tensor(matrix: Matrix, *, device: Any = None, dtype: Any = None) -> Any:
 
     Raises
     ------
-    TypeError
+    DataError
         If it is no `Matrix`.
     """
     np = need("numpy", "torch")
+    check_kind("matrix", matrix, Matrix, "a Matrix, as Map.pooling makes it")
     rows = np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
     return _sparse(rows, matrix.indices, matrix.data, matrix.shape, device, dtype)
 
@@ -55,7 +57,7 @@ def pooling(
     DataError
         If the map has no such level or patch.
     """
-    taxel, field, weight, shape = shares(map, level, patch, extensive)
+    taxel, field, weight, shape = shares(map, level, patch, flag_of("extensive", extensive))
     if not extensive:
         np = need("numpy", "torch")
         weight = weight / np.bincount(field, weights=weight, minlength=shape[0])[field]
@@ -73,6 +75,7 @@ def pixels(renderer: Renderer, *, channel: int = 0, device: Any = None, dtype: A
     DataError
         If there is no such channel.
     """
+    check_kind("renderer", renderer, Renderer, "a Renderer, as Map.renderer makes it")
     return tensor(renderer.matrix(channel), device=device, dtype=dtype)
 
 

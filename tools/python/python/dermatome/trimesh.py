@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from dermatome._adapter import level_of, need
+from dermatome._arguments import flag_of
 from dermatome._dermatome import Map, Skin
 
 __all__ = ["mesh", "skin"]
@@ -33,7 +34,7 @@ def mesh(map: Map, *, patch: str | None = None, level: int = 0, flat: bool = Fal
         If the map has no such patch or level.
     """
     trimesh, np = need("trimesh", "trimesh"), need("numpy", "trimesh")
-    of = level_of(map, patch, level)
+    of, flat = level_of(map, patch, level), flag_of("flat", flat)
     vertex = of.vertex_of_place
     places = np.column_stack([of.uv, np.zeros(len(of.uv))]) if flat else of.positions[vertex]
     made = trimesh.Trimesh(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from dermatome._arguments import array_of
 from dermatome._dermatome import Map
 from dermatome._errors import DataError
 from dermatome._kinds import is_mapping
@@ -46,7 +47,7 @@ def area_numbers(map: Map, areas: Any) -> NDArray[np.int64]:
             raise DataError(f"areas: found the patch {wrong[0]!r}; needed: one of {list(map.patches)[:10]}")
         numbers = np.concatenate([np.full(patch.n_taxels, areas.get(name, -1)) for name, patch in map.patches.items()])
     else:
-        numbers = np.asarray(areas)
+        numbers = array_of("areas", areas, "the area of each patch by its name, or of each taxel")
         if numbers.shape != (map.n_taxels,):
             raise DataError(f"areas: found shape {numbers.shape}; needed: ({map.n_taxels},), one for each taxel")
     if numbers.dtype.kind not in "iu" or not ((numbers >= -1) & (numbers < len(AREAS))).all():

@@ -199,7 +199,7 @@ class _Ros:
             try:
                 store.register(typesys.get_types_from_msg(text, kind))
             except Exception as error:  # Each of its parsers has its own.
-                raise DataError(f"definitions: found {kind!r} that cannot be read: {error}") from error
+                raise DataError(f"definitions: found {kind!r} that cannot be read: {error}; needed: a definition of ROS") from error
         self.path = path
         try:
             self.bag = highlevel.AnyReader([Path(path)], default_typestore=store)

@@ -10,6 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from dermatome._adapter import level_of, need
+from dermatome._arguments import A_MAP, check_kind, mapping_of, one_of, path_of
+from dermatome._dermatome import Map
 from dermatome._errors import DataError, FileError
 from dermatome._whole import whole, written
 from dermatome.recordings.areas import AREAS, area_numbers
@@ -25,12 +27,15 @@ MOST_BYTES = 10**9
 def write_oxt(recording: Any, path: Any, map: Any, level: int, areas: Mapping[str, int] | None, side: str) -> None:
     """Images of the areas of a map as one group."""
     np = need("numpy", "zarr")
-    if side not in ("right", "left"):
-        raise DataError(f"side: found {side!r}; needed: 'right' or 'left'")
+    path = path_of("path", path)
+    check_kind("map", map, Map, A_MAP)
+    one_of("side", side, ("right", "left"))
+    needed = f"the area, 0 to {len(AREAS) - 1}, of patches of {list(map.patches)[:10]}"
+    areas = None if areas is None else mapping_of("areas", areas, needed)
     if areas is not None and not areas:
-        raise DataError(f"areas: found none; needed: the area, 0 to {len(AREAS) - 1}, of a patch of {list(map.patches)[:10]}")
+        raise DataError(f"areas: found none; needed: {needed}")
     for patch, area in (areas or {}).items():
-        level_of(map, patch, level)
+        level_of(map, one_of("areas", patch, list(map.patches)), level)
         if not 0 <= (-1 if (number := whole(area)) is None else number) < len(AREAS):
             raise DataError(f"areas: found {area!r} for {patch!r}; needed: 0 to {len(AREAS) - 1}")
     chosen = _areas_of_regions(np, map) if areas is None else [(patch, int(area)) for patch, area in areas.items()]
