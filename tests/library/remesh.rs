@@ -1,7 +1,7 @@
 //! Remeshing: triangles of one size, on the surface, with its edges, rims, holes and handles.
 
 use dermatome::mesh::{Adjacency, TriMesh, mean_edge_length, shapes};
-use dermatome::remesh::{RemeshError, clip, keep_outer, remesh, remesh_skin};
+use dermatome::remesh::{RemeshError, clip, drop_crumbs, keep_outer, remesh, remesh_skin};
 use dermatome::run::Run;
 use dermatome::skin::{Draft, Link, LinkId, PatchId, Sheet, Skin};
 use dermatome::{AssembleOptions, assemble};
@@ -171,6 +171,25 @@ fn skins_get_ids_of_their_own_and_lose_crumbs() {
         assert_eq!(matches!(error, RemeshError::Spacing { .. }), is_expected, "{error}");
         assert!(is_expected || matches!(error, RemeshError::TooFine { .. }), "{error}");
     }
+}
+
+/// Small pieces are left out as long as they are little together; of like ones all stay or none.
+#[test]
+fn crumbs_are_little_of_their_link_together() {
+    let mut skin = Skin::from_mesh("ball", shapes::ball(10, 0.1));
+    let link = skin.patches.iter().next().unwrap().link;
+    let mut add = |name: &str, radius: f64| {
+        skin.patches.push(dermatome::skin::Patch::from_mesh(name, link, shapes::ball(10, radius)));
+    };
+    // Of 0.04 and 0.58 % of the area.
+    ["logo", "screw"].into_iter().for_each(|name| add(name, 0.002));
+    (0..12).for_each(|k| add(&format!("drive {k}"), 0.0079));
+    let dropped = |least: f64, spacings: Option<&[f64]>| drop_crumbs(&mut skin.clone(), least, spacings);
+    assert_eq!(dropped(0.01, None), ["logo", "screw"]);
+    assert_eq!(dropped(0.0005, None), [""; 0], "one of two like pieces");
+    assert_eq!(dropped(0.1, None).len(), 14);
+    assert_eq!(dropped(0.01, Some(&[0.01; 15])).len(), 14, "with less than twelve taxels");
+    assert_eq!(dropped(0.0, Some(&[0.01; 15])), [""; 0]);
 }
 
 fn sheet(mesh: &TriMesh) -> Sheet {

@@ -179,8 +179,9 @@ impl PySkin {
     ///     Mesh the surface anew with taxels this far apart, in m: for CAD, whose triangles are no taxels. A dict has a
     ///     spacing for names of links, in which * and ? stand for any characters; the first that fits counts.
     /// least_area : float, optional
-    ///     Leave out the pieces of a link, or of CAD without links, with less than this share of its area, or less than
-    ///     that of twelve taxels of `spacing`; the largest stays, and 0 keeps all. By default 0.01 of a robot's link.
+    ///     Leave out the smallest pieces of a link, or of CAD without links, that have less than this share of its area
+    ///     together, and those with less than twelve taxels of `spacing`; the largest stays, and 0 keeps all. By default
+    ///     0.01 of a robot's link.
     ///
     /// Returns
     /// -------
