@@ -420,3 +420,25 @@ fn solids_that_pierce_each_other_lose_what_is_buried() {
         assert!((highest - 0.02 - out).abs() < 1e-12);
     }
 }
+
+/// A rod of 24 strips, each two triangles of 300 x 1 mm, whose middles lie in two blocks: most of what stands out of the blocks is kept.
+#[test]
+fn rods_of_long_triangles_keep_what_stands_out() {
+    let rod = sheet(&shapes::tube(24, 2, 0.004, 0.3));
+    let middle = rod.positions.iter().copied().sum::<DVec3>() / rod.positions.len() as f64;
+    let cube = |at: f64| {
+        let mut sheet = sheet(&block());
+        let place = |p: DVec3| 0.05 * (p / DVec3::new(0.2, 0.1, 0.05) - 0.5) + middle + at * DVec3::Z;
+        sheet.positions.iter_mut().for_each(|p| *p = place(*p));
+        sheet
+    };
+    let is_out = |p: DVec3| ((p.z - middle.z).abs() - 0.05).abs() > 0.025;
+    for (at, others) in [(0.05, vec![cube(0.05), cube(-0.05)]), (0.5, vec![cube(0.5)])] {
+        let mut draft = Draft { sheets: vec![rod.clone()], ..Draft::default() };
+        draft.sheets.extend(others);
+        keep_outer(&mut draft);
+        let out = area_where(&draft.sheets[0], |p| at > 0.1 || is_out(p));
+        let right = std::f64::consts::TAU * 0.004 * if at > 0.1 { 0.3 } else { 0.2 };
+        assert!(out > 0.7 * right && out < 1.01 * right, "{out} m^2, right {right}");
+    }
+}
