@@ -31,6 +31,7 @@ mod regions;
 mod render;
 mod response;
 mod robot;
+mod skin_laws;
 mod skins;
 mod summary;
 mod touch;

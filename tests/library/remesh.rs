@@ -1,7 +1,7 @@
 //! Remeshing: triangles of one size, on the surface, with its edges, rims, holes and handles.
 
 use dermatome::mesh::{Adjacency, TriMesh, mean_edge_length, shapes};
-use dermatome::remesh::{RemeshError, clip, keep_outer, remesh, remesh_skin};
+use dermatome::remesh::{RemeshError, clip, drop_crumbs, keep_outer, remesh, remesh_skin};
 use dermatome::run::Run;
 use dermatome::skin::{Draft, Link, LinkId, PatchId, Sheet, Skin};
 use dermatome::{AssembleOptions, assemble};
@@ -171,6 +171,25 @@ fn skins_get_ids_of_their_own_and_lose_crumbs() {
         assert_eq!(matches!(error, RemeshError::Spacing { .. }), is_expected, "{error}");
         assert!(is_expected || matches!(error, RemeshError::TooFine { .. }), "{error}");
     }
+}
+
+/// Small pieces are left out as long as they are little together; of like ones all stay or none.
+#[test]
+fn crumbs_are_little_of_their_link_together() {
+    let mut skin = Skin::from_mesh("ball", shapes::ball(10, 0.1));
+    let link = skin.patches.iter().next().unwrap().link;
+    let mut add = |name: &str, radius: f64| {
+        skin.patches.push(dermatome::skin::Patch::from_mesh(name, link, shapes::ball(10, radius)));
+    };
+    // Of 0.04 and 0.58 % of the area.
+    ["logo", "screw"].into_iter().for_each(|name| add(name, 0.002));
+    (0..12).for_each(|k| add(&format!("drive {k}"), 0.0079));
+    let dropped = |least: f64, spacings: Option<&[f64]>| drop_crumbs(&mut skin.clone(), least, spacings);
+    assert_eq!(dropped(0.01, None), ["logo", "screw"]);
+    assert_eq!(dropped(0.0005, None), [""; 0], "one of two like pieces");
+    assert_eq!(dropped(0.1, None).len(), 14);
+    assert_eq!(dropped(0.01, Some(&[0.01; 15])).len(), 14, "with less than twelve taxels");
+    assert_eq!(dropped(0.0, Some(&[0.01; 15])), [""; 0]);
 }
 
 fn sheet(mesh: &TriMesh) -> Sheet {
@@ -399,5 +418,27 @@ fn solids_that_pierce_each_other_lose_what_is_buried() {
         assert!(buried < 0.005 * area, "{buried} m^2 are in the block");
         let highest = draft.sheets[1].positions.iter().map(|p| p.z).fold(0.0, f64::max);
         assert!((highest - 0.02 - out).abs() < 1e-12);
+    }
+}
+
+/// A rod of 24 strips, each two triangles of 300 x 1 mm, whose middles lie in two blocks: most of what stands out of the blocks is kept.
+#[test]
+fn rods_of_long_triangles_keep_what_stands_out() {
+    let rod = sheet(&shapes::tube(24, 2, 0.004, 0.3));
+    let middle = rod.positions.iter().copied().sum::<DVec3>() / rod.positions.len() as f64;
+    let cube = |at: f64| {
+        let mut sheet = sheet(&block());
+        let place = |p: DVec3| 0.05 * (p / DVec3::new(0.2, 0.1, 0.05) - 0.5) + middle + at * DVec3::Z;
+        sheet.positions.iter_mut().for_each(|p| *p = place(*p));
+        sheet
+    };
+    let is_out = |p: DVec3| ((p.z - middle.z).abs() - 0.05).abs() > 0.025;
+    for (at, others) in [(0.05, vec![cube(0.05), cube(-0.05)]), (0.5, vec![cube(0.5)])] {
+        let mut draft = Draft { sheets: vec![rod.clone()], ..Draft::default() };
+        draft.sheets.extend(others);
+        keep_outer(&mut draft);
+        let out = area_where(&draft.sheets[0], |p| at > 0.1 || is_out(p));
+        let right = std::f64::consts::TAU * 0.004 * if at > 0.1 { 0.3 } else { 0.2 };
+        assert!(out > 0.7 * right && out < 1.01 * right, "{out} m^2, right {right}");
     }
 }

@@ -179,8 +179,9 @@ impl PySkin {
     ///     Mesh the surface anew with taxels this far apart, in m: for CAD, whose triangles are no taxels. A dict has a
     ///     spacing for names of links, in which * and ? stand for any characters; the first that fits counts.
     /// least_area : float, optional
-    ///     Leave out the pieces of a link, or of CAD without links, with less than this share of its area, or less than
-    ///     that of twelve taxels of `spacing`; the largest stays, and 0 keeps all. By default 0.01 of a robot's link.
+    ///     Leave out the smallest pieces of a link, or of CAD without links, that have less than this share of its area
+    ///     together, and those with less than twelve taxels of `spacing`; the largest stays, and 0 keeps all. By default
+    ///     0.005 of a robot's link.
     ///
     /// Returns
     /// -------
@@ -240,7 +241,7 @@ impl PySkin {
         draft.scale(metres);
         let mut skin = Self::assembled(py, draft, options)?;
         skin.remarks.splice(0..0, left_out.notes()).for_each(drop);
-        let least_area = least_area.or(is_robot.then_some(0.01)).filter(|_| !is_chosen && !are_taxels);
+        let least_area = least_area.or(is_robot.then_some(0.005)).filter(|_| !is_chosen && !are_taxels);
         if let Some(least_area) = least_area {
             skin = skin.without_crumbs(least_area, spacing)?;
         }

@@ -31,8 +31,8 @@ pub(crate) struct RobotArgs {
     /// than once
     #[arg(long, value_name = "NAME", value_parser = pattern, hide_short_help = true)]
     without: Vec<Pattern>,
-    /// Leave out the pieces of a link, or of CAD without links, with less than this share of its area, or less than that of
-    /// twelve taxels of --spacing, as screws and logos; the largest stays, and 0 keeps all [default: 1% of a robot]
+    /// Leave out the smallest pieces of a link, or of CAD without links, that have less than this share of its area together, and
+    /// those with less than twelve taxels of --spacing, as screws and logos; the largest stays, and 0 keeps all [default: 0.5% of a robot]
     #[arg(long, value_name = "SHARE", value_parser = share, allow_hyphen_values = true, hide_short_help = true)]
     least_area: Option<f64>,
     /// Take the links of this name that hang by fixed joints as taxels of the links above them: at their origins,
@@ -118,8 +118,8 @@ impl RobotArgs {
     }
 }
 
-/// The least share of a link's area that a piece of it has, unless another is given.
-const LEAST_AREA: f64 = 0.01;
+/// The share of a link's area that its small pieces have together at most, unless another is given.
+const LEAST_AREA: f64 = 0.005;
 
 impl RobotArgs {
     /// Leaves out the small pieces of the links of a `robot`, or of other CAD where that is asked for; prints which, and

@@ -1,6 +1,7 @@
 //! The levels of the whole body and of modalities: centres by distances along it, and rows that keep places.
 
 use std::array::from_fn;
+use std::cmp::Reverse;
 
 use glam::DVec3;
 
@@ -10,7 +11,7 @@ use crate::body::{BodyLevel, BodyTaxel, Modality};
 use crate::id::{IdVec, VertexId};
 use crate::mesh::{TriMesh, boundary_edges};
 use crate::numeric::{each_by_distance, hash, nearest_sources, place_hash, solve_system};
-use crate::pyramid::{Level, LevelId, Prolongation};
+use crate::pyramid::{Level, LevelId, Prolongation, cells};
 use crate::skin::{PatchId, Skin};
 
 /// Two fields conflict within this many mean spacings, as on the levels of a patch.
@@ -25,6 +26,9 @@ const NEIGHBOURS: usize = 4;
 
 /// A level with fewer fields than this takes the most central ones first: a rim or an id says little of so few.
 const FEW: usize = 12;
+
+/// Sums of distances that differ by less, as a share of the largest, are equal.
+const ROUNDING: f64 = 1e-9;
 
 /// A field is a combination of some of this many nearest centres.
 const NEAREST: usize = 5;
@@ -118,7 +122,7 @@ fn of_body(
 fn coarsen(
     graph: &Graph,
     places: &[DVec3],
-    priorities: &[(bool, bool, u64)],
+    priorities: &[Priority],
     mut fields: Vec<usize>,
     levels: &mut IdVec<LevelId, BodyLevel>,
 ) {
@@ -174,12 +178,13 @@ impl Scratch {
     }
 }
 
-/// For each field of the graph a key: rims first, then live taxels, then any order that depends on no axis.
-fn priorities<'a>(
-    skin: &Skin,
-    meshes: impl Iterator<Item = &'a TriMesh>,
-    graph: &Graph,
-) -> Vec<(bool, bool, u64)> {
+/// The rank of a field, least first.
+type Priority = (bool, bool, u64, Reverse<usize>);
+
+/// For each field of the graph a key: rims first, then live taxels, then any order that depends on no axis; of patches that
+/// share ids the one with more taxels first.
+fn priorities<'a>(skin: &Skin, meshes: impl Iterator<Item = &'a TriMesh>, graph: &Graph) -> Vec<Priority> {
+    let cells = skin.patches.map(|patch| patch.taxels.are_counted.then(|| cells(&patch.mesh.positions)));
     let mut is_inside = Vec::with_capacity(graph.origins.len());
     for mesh in meshes {
         let start = is_inside.len();
@@ -189,22 +194,17 @@ fn priorities<'a>(
     let key = |(field, at): (usize, &BodyTaxel)| {
         let patch = &skin.patches[at.patch];
         let is_silent = !patch.taxels.presence[at.taxel].reads_pressure();
-        let any = match patch.taxels.are_counted {
-            true => place_hash(patch.mesh.positions[at.taxel]),
-            false => hash(u64::from(patch.taxels.ids[at.taxel].0)),
+        let any = match &cells[at.patch] {
+            Some(cell) => place_hash(cell(patch.mesh.positions[at.taxel])),
+            None => hash(u64::from(patch.taxels.ids[at.taxel].0)),
         };
-        (is_inside[field], is_silent, any)
+        (is_inside[field], is_silent, any, Reverse(patch.taxels.ids.len()))
     };
     graph.origins.iter().enumerate().map(key).collect()
 }
 
 /// The centres among some fields, ascending: in the order of priority those that are in no conflict.
-fn choose(
-    graph: &Graph,
-    fields: &[usize],
-    priorities: &[(bool, bool, u64)],
-    scratch: &mut Scratch,
-) -> Vec<usize> {
+fn choose(graph: &Graph, fields: &[usize], priorities: &[Priority], scratch: &mut Scratch) -> Vec<usize> {
     scratch.seek(fields);
     let (mut spacing, mut sums) = (Vec::new(), Vec::new());
     let is_few = fields.len() < FEW;
@@ -222,6 +222,9 @@ fn choose(
         spacing.push(nearest);
         sums.push(if is_few { sum } else { 0.0 });
     }
+    // Of two fields both sums are their distance: equal but for rounding, which follows the frame.
+    let largest = sums.iter().copied().fold(0.0, f64::max);
+    sums.iter_mut().filter(|_| largest > 0.0).for_each(|sum| *sum = (*sum / largest / ROUNDING).round());
     let mut order: Vec<usize> = (0..fields.len()).collect();
     let key = |k: usize| (priorities[fields[k]], fields[k]);
     order.sort_by(|&a, &b| sums[a].total_cmp(&sums[b]).then(key(a).cmp(&key(b))));

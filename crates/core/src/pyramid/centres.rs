@@ -136,7 +136,7 @@ pub(super) fn priorities(
 const CELLS: f64 = 1024.0;
 
 /// The cell of a position in the box of all, which is the same of a body that is shifted or scaled.
-fn cells(positions: &IdVec<VertexId, DVec3>) -> impl Fn(DVec3) -> DVec3 + Sync + use<> {
+pub(crate) fn cells(positions: &IdVec<VertexId, DVec3>) -> impl Fn(DVec3) -> DVec3 + Sync + use<> {
     let ends = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     let (low, high) = positions.iter().fold(ends, |(low, high), &p| (low.min(p), high.max(p)));
     let scale = CELLS / (high - low).max_element();

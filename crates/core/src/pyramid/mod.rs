@@ -44,6 +44,7 @@ mod prolongation;
 mod removal;
 mod removal_log;
 
+pub(crate) use centres::cells;
 pub use coarsen::{CoarsenOptions, CutPyramid, coarsen, coarsen_cut};
 pub use error::PyramidError;
 pub use field::Field;

@@ -23,7 +23,7 @@
 //! more than the gap is wide. Its path is measured along the body, with the links at rest.
 //!
 //! Of the centres of pressure in the frame of the link, those with less than a quarter of the largest force aside, *from*
-//! and *to* are the medians of the first and the last eighth, *net* is their distance, and *reach* the length along the
+//! and *to* are the medoids of the first and the last eighth (of their places the one nearest to all others), *net* is their distance, and *reach* the length along the
 //! direction in which they differ most, without the outermost 5 %. *Path* is the length of the way in steps of at least 4 mm, so that noise does not
 //! lengthen it; a turn is a step more than 120 degrees away from the one before.
 

@@ -5,7 +5,7 @@
 
 use glam::{DVec2, DVec3};
 
-use crate::numeric::{median_of, symmetric_eigen};
+use crate::numeric::symmetric_eigen;
 use crate::signal::ContactRegion;
 use crate::signal::clock::SAME_S;
 use crate::signal::events::EventPlace;
@@ -22,7 +22,7 @@ const LOADED: f64 = 0.25;
 const STEP: f64 = 0.004;
 const TURN_COSINE: f64 = -0.5;
 
-/// Share of the first and the last blocks whose median is an end of the path, and of the places within its reach: a place
+/// Share of the first and the last blocks whose medoid is an end of the path, and of the places within its reach: a place
 /// beside the others does not count.
 const END: usize = 8;
 const REACH: f64 = 0.95;
@@ -210,29 +210,7 @@ impl Path {
             return;
         }
         let end = (count / END).max(1);
-        let mut median = |places: &[EventPlace], of: &dyn Fn(&EventPlace) -> f64| {
-            scratch.clear();
-            scratch.extend(places.iter().map(of).filter(|x| !x.is_nan()));
-            median_of(scratch).unwrap_or(0.0)
-        };
-        let mut place = |places: &[EventPlace]| {
-            let patch = places[places.len() / 2].patch;
-            // NaN, which has no place among the numbers, on the map of another patch.
-            let on_map = |p: &EventPlace, x: f64| if p.patch == patch { x } else { f64::NAN };
-            EventPlace {
-                point: DVec3::new(
-                    median(places, &|p| p.point.x),
-                    median(places, &|p| p.point.y),
-                    median(places, &|p| p.point.z),
-                ),
-                patch,
-                map: DVec2::new(
-                    median(places, &|p| on_map(p, p.map.x)),
-                    median(places, &|p| on_map(p, p.map.y)),
-                ),
-            }
-        };
-        let (from, to) = (place(&places[..end]), place(&places[count - end..]));
+        let (from, to) = (medoid(&places[..end]), medoid(&places[count - end..]));
         let along = main_direction(places);
         scratch.clear();
         scratch.extend(places.iter().map(|p| p.point.dot(along)));
@@ -242,6 +220,14 @@ impl Path {
         let reach = scratch[count - 1 - beside] - scratch[beside];
         self.motion = Motion { from, to, net: from.point.distance(to.point), reach };
     }
+}
+
+/// The place with the least sum of distances from the others: a median that depends on no axis, with the map
+/// of the same time.
+fn medoid(places: &[EventPlace]) -> EventPlace {
+    let sum = |a: &EventPlace| places.iter().map(|b| a.point.distance(b.point)).sum::<f64>();
+    let sums = places.iter().map(|place| (sum(place), place));
+    sums.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, place)| *place).unwrap_or_default()
 }
 
 /// The direction in which places differ most.
