@@ -130,7 +130,7 @@ pub fn respond<E: From<Error>>(
             let episodes =
                 each(None, &mut |next| next.into_frame().into_iter().for_each(|frame| estimator.see(frame)))?;
             if episodes > 1 {
-                return Err(several(episodes as usize));
+                return Err(several(usize::try_from(episodes).unwrap_or(usize::MAX)));
             }
             let (curves, report) = estimator.solve().map_err(fail)?;
             let known = curves.iter().flatten().map(|curve| {
