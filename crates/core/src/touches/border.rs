@@ -46,13 +46,13 @@ impl Border {
     /// The terms of a frame whose position is eliminated, with the velocity `v`.
     fn add(&mut self, frame: &Frame, reduced: &Reduced, v: DVec3) {
         let weighted = reduced.arm * v;
-        let eliminated = reduced.inverse * weighted;
-        self.own += weighted.dot(v - eliminated);
-        self.right -= weighted.dot(frame.centre - frame.believed) + eliminated.dot(reduced.gradient);
+        let eliminated = reduced.root.transpose() * weighted;
+        self.own += weighted.dot(v) - eliminated.length_squared();
+        self.right -= weighted.dot(frame.centre - frame.believed) - eliminated.dot(reduced.along);
         for term in &reduced.felt {
-            let both = -term.weight * term.outward.dot(eliminated);
+            let both = -term.q.dot(eliminated);
             let column = &mut self.column[SIZE * term.taxel.index()..][..SIZE];
-            column.iter_mut().zip(term.row()).for_each(|(cell, a)| *cell += both * a);
+            column.iter_mut().zip(term.row).for_each(|(cell, a)| *cell += both * a);
         }
     }
 }
@@ -143,11 +143,9 @@ impl Bundle<'_> {
 
 /// What the right side of a frame adds to that of the delay when the taxels are eliminated.
 fn along(frame: &Reduced, solved: &[f64]) -> f64 {
-    let shift = frame.inverse * frame.gradient;
     let one = |term: &Term| {
-        let row = term.row();
-        let along: f64 = row.iter().zip(&solved[SIZE * term.taxel.index()..]).map(|(a, b)| a * b).sum();
-        -term.weight * (term.distance + term.outward.dot(shift)) * along
+        let moved: f64 = term.row.iter().zip(&solved[SIZE * term.taxel.index()..]).map(|(a, b)| a * b).sum();
+        -term.left * moved
     };
     frame.felt.iter().map(one).sum()
 }

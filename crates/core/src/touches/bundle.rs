@@ -21,9 +21,10 @@ use crate::touches::log::TouchFrame;
 /// The rms step of positions in m at which it ends.
 const SMALL_STEP: f64 = 1e-6;
 
-/// Additional weight on the diagonal where the system needs it, over that of the readings.
+/// Additional weight on the diagonal where the system needs it, over the diagonal. Without rounding it needs none; from the largest on
+/// entries next to the diagonal are smaller than it.
 const LEAST_DAMPING: f64 = 1e-8;
-const MOST_DAMPING: f64 = 1e-2;
+const MOST_DAMPING: f64 = 1e4;
 
 /// Largest step of the logarithm of a gain. That of a position is the radius of a contact.
 const LARGEST_GAIN_STEP: f64 = 1.0;
@@ -61,9 +62,15 @@ pub(super) struct Frame {
 }
 
 /// What is left of a frame when its position is eliminated.
+///
+/// Its rows `A`, three of the arm and one for each reading, are times the roots of their weights, and `A = Q R` with orthonormal
+/// columns `Q`. What is left is `1 - Q Q'`, exact to rounding: readings may be a million times as exact as the arm, and the
+/// difference of two sums with the inverse of `A'A` would be wrong by more than all that the arm says.
 pub(super) struct Reduced {
-    pub(super) inverse: DMat3,
-    pub(super) gradient: DVec3,
+    /// The inverse of `R`.
+    pub(super) root: DMat3,
+    /// `Q'r` of the residuals `r`.
+    pub(super) along: DVec3,
     /// The weight of the position that the arm says.
     pub(super) arm: f64,
     pub(super) felt: Vec<Term>,
@@ -72,20 +79,53 @@ pub(super) struct Reduced {
     squares: f64,
 }
 
+impl Reduced {
+    /// The step of its position if taxels stay.
+    pub(super) fn step(&self) -> DVec3 {
+        -(self.root * self.along)
+    }
+
+    /// The covariance of its position if taxels stay.
+    pub(super) fn covariance(&self) -> DMat3 {
+        self.root * self.root.transpose()
+    }
+}
+
 /// One reading in the normal equations.
 pub(super) struct Term {
     pub(super) taxel: VertexId,
-    pub(super) weight: f64,
-    /// The derivative of its distance with respect to the position of the frame; that of the taxel's is the opposite.
-    pub(super) outward: DVec3,
-    by_gain: f64,
-    pub(super) distance: f64,
+    /// Times the root of its weight: the derivative of its distance with respect to the position and the gain of the taxel.
+    pub(super) row: [f64; SIZE],
+    /// Its row of `Q`.
+    pub(super) q: DVec3,
+    /// Times the root of its weight: its distance, of which the frame takes what it can.
+    pub(super) left: f64,
 }
 
-impl Term {
-    pub(super) fn row(&self) -> [f64; SIZE] {
-        [-self.outward.x, -self.outward.y, -self.outward.z, self.by_gain]
+/// Makes the columns of these rows orthonormal, and returns the triangular matrix that gives the rows back: Gram and Schmidt, twice.
+fn orthonormal(rows: &mut [DVec3]) -> DMat3 {
+    let mut triangle = DMat3::ZERO;
+    for k in 0..3 {
+        for _ in 0..2 {
+            for j in 0..k {
+                let both: f64 = rows.iter().map(|row| row[j] * row[k]).sum();
+                triangle.col_mut(k)[j] += both;
+                rows.iter_mut().for_each(|row| row[k] -= both * row[j]);
+            }
+        }
+        let length = rows.iter().map(|row| row[k] * row[k]).sum::<f64>().sqrt();
+        triangle.col_mut(k)[k] = length;
+        rows.iter_mut().for_each(|row| row[k] /= length);
     }
+    triangle
+}
+
+/// The inverse of an upper triangle.
+fn inverse_of_triangle(r: DMat3) -> DMat3 {
+    let [a, b, c] = [r.x_axis.x.recip(), r.y_axis.y.recip(), r.z_axis.z.recip()];
+    let (xy, yz) = (-a * r.y_axis.x * b, -b * r.z_axis.y * c);
+    let xz = -a * (r.y_axis.x * yz + r.z_axis.x * c);
+    DMat3::from_cols(DVec3::new(a, 0.0, 0.0), DVec3::new(xy, b, 0.0), DVec3::new(xz, yz, c))
 }
 
 /// Where a frame was, by the arm and as estimated.
@@ -189,40 +229,48 @@ impl<'a> Bundle<'a> {
         let off = frame.centre - frame.believed;
         let sigmas = off.length() / self.noise.arm;
         let arm = (HUBER_OF_ARM / sigmas).min(1.0) / (self.noise.arm * self.noise.arm);
-        let (mut matrix, mut gradient) = (DMat3::from_diagonal(DVec3::splat(arm)), -arm * off);
+        let mut rows: Vec<DVec3> = DVec3::AXES.map(|axis| arm.sqrt() * axis).to_vec();
         let (mut felt, mut squares) = (Vec::with_capacity(frame.felt.len()), 0.0);
         for (v, sample) in &frame.felt {
             let Some(residual) = self.residual(*v, sample, frame.centre) else { continue };
             let (weight, sigmas) =
                 (residual.weight(noise), residual.distance.abs() / residual.variance(noise).sqrt());
             squares += sigmas.min(HUBER).powi(2);
-            let outward = -residual.by_position;
-            matrix +=
-                weight * DMat3::from_cols(outward.x * outward, outward.y * outward, outward.z * outward);
-            gradient -= weight * residual.distance * outward;
-            let Residual { by_gain, distance, .. } = residual;
-            felt.push(Term { taxel: *v, weight, outward, by_gain, distance });
+            let root = weight.sqrt();
+            let by_position = root * residual.by_position;
+            rows.push(-by_position);
+            let row = [by_position.x, by_position.y, by_position.z, root * residual.by_gain];
+            felt.push(Term { taxel: *v, row, q: DVec3::ZERO, left: root * residual.distance });
         }
-        let inverse = matrix.inverse();
+        let root = inverse_of_triangle(orthonormal(&mut rows));
+        let (of_arm, of_readings) = rows.split_at(3);
+        let mut along: DVec3 = of_arm.iter().zip((arm.sqrt() * off).to_array()).map(|(q, r)| r * *q).sum();
+        along += felt.iter().zip(of_readings).map(|(term, q)| term.left * *q).sum::<DVec3>();
+        for (term, &q) in felt.iter_mut().zip(of_readings) {
+            term.q = q;
+            term.left -= q.dot(along);
+        }
         // The trace of the share of the readings in what is known about the position.
-        let taken = 3.0 - arm * (inverse.x_axis.x + inverse.y_axis.y + inverse.z_axis.z);
+        let taken: f64 = of_readings.iter().map(|q| q.length_squared()).sum();
         let freedom = felt.len() as f64 - taken;
-        Reduced { inverse, gradient, arm, felt, freedom, squares }
+        Reduced { root, along, arm, felt, freedom, squares }
     }
 
-    /// The system of the taxels, factored, and its right side. Where few readings determine a taxel, the system is positive
-    /// definite only with more weight on the diagonal, which makes the step shorter.
+    /// The system of the taxels, factored, and its right side. Where rounding leaves it indefinite, it has more weight on the
+    /// diagonal, which makes the step shorter.
     fn factored<'s>(
         &self,
         system: &'s BlockSystem,
         reduced: &[Reduced],
     ) -> Result<(BlockFactor<'s>, Vec<f64>), TouchesError> {
-        let mut damping = 0.0;
+        let (mut matrix, right) = self.assemble(system, reduced);
+        let diagonal = matrix.diagonal();
+        let (mut damping, mut growth) = (0.0, LEAST_DAMPING);
         loop {
-            let (matrix, right) = self.assemble(system, reduced, damping);
             match matrix.factor() {
                 Err(SparseError::NotPositiveDefinite { .. }) if damping < MOST_DAMPING => {
-                    damping = if damping == 0.0 { LEAST_DAMPING } else { 100.0 * damping };
+                    matrix.add_diagonal(&diagonal.iter().map(|d| growth * d).collect::<Vec<_>>());
+                    (damping, growth) = (damping + growth, 100.0 * growth);
                 }
                 factor => return Ok((factor?, right)),
             }
@@ -230,12 +278,7 @@ impl<'a> Bundle<'a> {
     }
 
     /// The system of the taxels, and its right side.
-    fn assemble<'s>(
-        &self,
-        system: &'s BlockSystem,
-        reduced: &[Reduced],
-        damping: f64,
-    ) -> (BlockMatrix<'s>, Vec<f64>) {
+    fn assemble<'s>(&self, system: &'s BlockSystem, reduced: &[Reduced]) -> (BlockMatrix<'s>, Vec<f64>) {
         let mut matrix = system.zero();
         let mut right = vec![0.0; SIZE * self.estimates.len()];
         let (guess, gain) = (self.guess_sigma.powi(-2), self.gains.sigma.powi(-2));
@@ -249,24 +292,16 @@ impl<'a> Bundle<'a> {
             }
         }
         for frame in reduced {
-            let shift = frame.inverse * frame.gradient;
             for (k, term) in frame.felt.iter().enumerate() {
-                let row = term.row();
-                let eliminated = frame.inverse * term.outward;
-                let left = term.weight * (term.distance + term.outward.dot(shift));
                 let right = &mut right[SIZE * term.taxel.index()..][..SIZE];
-                right.iter_mut().zip(row).for_each(|(cell, a)| *cell -= left * a);
-                let own = term.weight * (1.0 - term.weight * term.outward.dot(eliminated));
-                let damped = own + damping * term.weight;
-                matrix.add(BlockSlot::diagonal(term.taxel.raw()), |a, b| {
-                    (if a == b { damped } else { own }) * row[a] * row[b]
-                });
+                right.iter_mut().zip(term.row).for_each(|(cell, a)| *cell -= term.left * a);
+                let own = (1.0 - term.q.length_squared()).max(0.0);
+                matrix.add(BlockSlot::diagonal(term.taxel.raw()), |a, b| own * term.row[a] * term.row[b]);
                 for other in &frame.felt[..k] {
                     let (low, high) = if other.taxel < term.taxel { (other, term) } else { (term, other) };
                     let Some(slot) = system.slot(high.taxel.index(), low.taxel.index()) else { continue };
-                    let both = -term.weight * other.weight * other.outward.dot(eliminated);
-                    let (high, low) = (high.row(), low.row());
-                    matrix.add(slot, |a, b| both * high[a] * low[b]);
+                    let both = -term.q.dot(other.q);
+                    matrix.add(slot, |a, b| both * high.row[a] * low.row[b]);
                 }
             }
         }
@@ -277,12 +312,12 @@ impl<'a> Bundle<'a> {
     fn apply(&mut self, reduced: &[Reduced], change: &[f64]) -> f64 {
         let of = |v: VertexId| &change[SIZE * v.index()..][..SIZE];
         for (frame, reduced) in self.frames.iter_mut().zip(reduced) {
-            let mut gradient = reduced.gradient;
+            let mut along = reduced.along;
             for term in &reduced.felt {
-                let along: f64 = term.row().iter().zip(of(term.taxel)).map(|(a, b)| a * b).sum();
-                gradient -= term.weight * along * term.outward;
+                let moved: f64 = term.row.iter().zip(of(term.taxel)).map(|(a, b)| a * b).sum();
+                along += moved * term.q;
             }
-            frame.centre += reduced.inverse * gradient;
+            frame.centre -= reduced.root * along;
         }
         let (mut squares, mut count) = (0.0, 0.0);
         for (v, estimate) in self.estimates.iter_mut().enumerate() {
@@ -306,5 +341,50 @@ impl<'a> Bundle<'a> {
             let factor = (squares / freedom).sqrt().clamp(LEAST_FACTOR, LEAST_FACTOR.recip());
             self.noise.reading = (factor * self.noise.reading).max(self.noise.least_reading);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A frame with one reading leaves of its weight `w` what the arm's weight `a` allows, `w a / (w + a)`: where readings are a
+    /// hundred million times as exact as the arm, differences of inverse matrices give a million times that, of either sign, and the
+    /// system of the taxels has no factor.
+    #[test]
+    fn one_exact_reading_leaves_what_the_arm_allows() {
+        let arm = 1e4;
+        for (share, direction) in
+            [(1e2, DVec3::new(0.6, -0.48, 0.64)), (1e8, DVec3::new(0.36, 0.48, -0.8)), (1e10, DVec3::Z)]
+        {
+            let weight: f64 = share * arm;
+            let mut rows: Vec<DVec3> = DVec3::AXES.map(|axis| 100.0 * axis).to_vec();
+            rows.push(weight.sqrt() * direction);
+            let triangle = orthonormal(&mut rows);
+            let left = weight * (1.0 - rows[3].length_squared());
+            let exact = weight * arm / (weight + arm);
+            assert!((left / exact - 1.0).abs() < 1e-4, "{left} for {exact} at {share}");
+            // The rows are those of before.
+            let back = triangle.transpose() * rows[3];
+            assert!(back.distance(weight.sqrt() * direction) < 1e-12 * weight.sqrt(), "{back}");
+            let unit = triangle * inverse_of_triangle(triangle);
+            assert!(unit.abs_diff_eq(DMat3::IDENTITY, 1e-9), "{unit}");
+        }
+    }
+
+    /// Taxels that move with their frame cost what moving the frame away from the arm does.
+    #[test]
+    fn taxels_and_their_frame_move_against_the_arm_alone() {
+        let (arm, weight) = (1e4, 1e12_f64);
+        let directions = [[0.6, 0.0, 0.8], [0.0, -0.6, 0.8], [-0.6, 0.64, 0.48], [0.0, 0.0, 1.0]];
+        let mut rows: Vec<DVec3> = DVec3::AXES.map(|axis| 100.0 * axis).to_vec();
+        rows.extend(directions.map(|of| weight.sqrt() * DVec3::from_array(of)));
+        let by = DVec3::new(1e-3, -2e-3, 5e-4);
+        let moved: Vec<f64> = rows[3..].iter().map(|row| row.dot(by)).collect();
+        orthonormal(&mut rows);
+        let along: DVec3 = rows[3..].iter().zip(&moved).map(|(q, x)| *x * *q).sum();
+        let cost: f64 = rows[3..].iter().zip(&moved).map(|(q, x)| x * (x - q.dot(along))).sum();
+        let exact = arm * by.length_squared();
+        assert!((cost / exact - 1.0).abs() < 1e-5, "{cost} for {exact}");
     }
 }

@@ -3,10 +3,12 @@
 //! The centres of a sphere that touches lie on the skin raised by its radius, so that a normal is that of the quadric through all
 //! of them near a taxel: one mean centre for each taxel is less exact by a contact. Signs follow from neighbour to neighbour
 //! along the minimum spanning tree `(hoppe1992)`, nearly parallel normals first. The side of a connected piece is that to which readings
-//! fall while the sphere moves, or where they do not tell that to which it bends, or else away from the origin of the link.
+//! fall while the sphere moves, or where they do not tell that of the piece next to it, or that to which it bends, or else away from the origin of
+//! the link.
 //!
 //! *Heuristic*: normals of one mean centre for each taxel, joined breadth first, put 4 taxels of one simulated log and 9 of another
-//! on the far side of the sphere; these put none there.
+//! on the far side of the sphere; these put none there. Of 45 logs of skins of modules (three touches a taxel, 1 mm of noise) two had a module of
+//! three and four taxels there that one touch alone felt: its bend is noise, and it has the side of the next module now.
 
 use glam::DVec3;
 
@@ -172,19 +174,54 @@ pub(super) fn orient(
     for v in points.ids().filter(|v| normals[*v].is_some()) {
         members[pieces.of[v]].push(v);
     }
+    let by_readings: Vec<Option<bool>> = told
+        .into_iter()
+        .map(|(sum, count)| side_told(sum, count))
+        .map(|sigmas| (sigmas.abs() > LEAST_SIGMAS).then_some(sigmas > 0.0))
+        .collect();
+    let turn = |normals: &mut IdVec<VertexId, Option<DVec3>>, piece: &[VertexId]| {
+        piece.iter().for_each(|&v| normals[v] = normals[v].map(|n| -n));
+    };
+    let is_told = |k: &usize| by_readings[*k].is_some();
+    for k in (0..pieces.count).filter(is_told) {
+        if by_readings[k] == Some(false) {
+            turn(normals, &members[k]);
+        }
+    }
+    let told: Vec<VertexId> = (0..pieces.count).filter(is_told).flat_map(|k| members[k].clone()).collect();
     let mut all_told = true;
-    for (piece, (sum, count)) in members.iter().zip(told).filter(|(piece, _)| !piece.is_empty()) {
-        let sigmas = side_told(sum, count);
-        let by_readings = (sigmas.abs() > LEAST_SIGMAS).then_some(sigmas > 0.0);
+    for piece in (0..pieces.count).filter(|k| !is_told(k)).map(|k| &members[k]).filter(|of| !of.is_empty()) {
         let centre = piece.iter().map(|&v| points[v]).sum::<DVec3>() / piece.len() as f64;
+        let bend = || away_from(points, normals, piece, centre);
         let away = || away_from(points, normals, piece, DVec3::ZERO);
-        match by_readings.or_else(|| away_from(points, normals, piece, centre)).or_else(away) {
+        match as_beside(points, normals, piece, &told, spacing).or_else(bend).or_else(away) {
             Some(true) => {}
-            Some(false) => piece.iter().for_each(|&v| normals[v] = normals[v].map(|n| -n)),
+            Some(false) => turn(normals, piece),
             None => all_told = false,
         }
     }
     all_told
+}
+
+/// Whether the normals of a piece are to the same side as those of the nearest of some taxels whose side is known; `None` if it is far
+/// away, or across.
+fn as_beside(
+    points: &IdVec<VertexId, DVec3>,
+    normals: &IdVec<VertexId, Option<DVec3>>,
+    piece: &[VertexId],
+    told: &[VertexId],
+    spacing: f64,
+) -> Option<bool> {
+    /// In spacings: a module next to another one that no touch felt with it.
+    const FARTHEST: f64 = 6.0;
+    /// Cosines of normals below this tell nothing.
+    const LEAST_COSINE: f64 = 0.5;
+    let pairs = piece.iter().flat_map(|&v| told.iter().map(move |&u| (v, u)));
+    let distance = |(v, u): &(VertexId, VertexId)| points[*v].distance_squared(points[*u]);
+    let (v, u) = pairs.min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
+    let cosine = normals[v]?.dot(normals[u]?);
+    let is_beside = distance(&(v, u)).sqrt() < FARTHEST * spacing && cosine.abs() > LEAST_COSINE;
+    is_beside.then_some(cosine > 0.0)
 }
 
 /// Whether the normals of a piece point away from a place, which is its middle for its bend; `None` if most are across.
@@ -199,4 +236,45 @@ fn away_from(
     let sines = piece.iter().filter_map(|&v| Some(normals[v]?.dot((points[v] - from).normalize_or_zero())));
     let mean = sines.sum::<f64>() / piece.len() as f64;
     (mean.abs() > LEAST_SINE).then_some(mean > 0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A module that no touch joins to the sheet next to it, whose bend is noise, has the side of the sheet, which readings tell; far
+    /// away it has the side to which it bends.
+    #[test]
+    fn a_module_has_the_side_of_the_sheet_next_to_it() {
+        const SPACING: f64 = 6e-3;
+        for (gap, expected) in [(4.0, 1.0), (9.0, -1.0)] {
+            let along = |k: u32| SPACING * f64::from(k);
+            let sheet = (0..36).map(|k| DVec3::new(along(k / 6), along(k % 6), 0.1));
+            let end = along(5) + gap * SPACING;
+            let module = (0..3).map(|k| DVec3::new(end, along(k), if k == 1 { 0.099 } else { 0.1 }));
+            let points: IdVec<VertexId, DVec3> = sheet.chain(module).collect();
+            let sheet = 36;
+            let mut normals: IdVec<VertexId, Option<DVec3>> = points
+                .enumerate()
+                .map(|(v, _)| Some(if v.index().is_multiple_of(3) { DVec3::Z } else { -DVec3::Z }))
+                .collect();
+            // The module bends to the far side: a normal of it that is turned says so.
+            normals[VertexId::new(sheet)] = Some(DVec3::new(0.0, -0.4, 1.0).normalize());
+            normals[VertexId::new(sheet + 2)] = Some(DVec3::new(0.0, -0.4, -1.0).normalize());
+            let pairs: Vec<[VertexId; 2]> = neighbours(&points, 2.0 * SPACING)
+                .enumerate()
+                .flat_map(|(v, near)| near.iter().map(|&u| [v, u]).collect::<Vec<_>>())
+                .collect();
+            let touch = |k: u32| Outward {
+                centre: DVec3::new(along(k), along(2), 0.11),
+                direction: DVec3::new(0.0, 0.0, 5.0),
+            };
+            let touches: Vec<Outward> = (0..5).map(touch).collect();
+            assert!(orient(&points, &mut normals, &pairs, &touches, SPACING));
+            for (v, normal) in normals.enumerate() {
+                let side = if v.index() < sheet { 1.0 } else { expected };
+                assert!(normal.unwrap().z * side > 0.0, "gap {gap}: taxel {v:?} has {normal:?}");
+            }
+        }
+    }
 }

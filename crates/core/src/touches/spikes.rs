@@ -136,10 +136,10 @@ impl Bundle<'_> {
         rest.felt.remove(k);
         let mut reduced = self.reduce(&rest);
         for _ in 0..STEPS {
-            rest.centre += (reduced.inverse * reduced.gradient).clamp_length_max(self.guess_sigma);
+            rest.centre += reduced.step().clamp_length_max(self.guess_sigma);
             reduced = self.reduce(&rest);
         }
-        (rest, reduced.inverse)
+        (rest, reduced.covariance())
     }
 
     fn is_explained(&self, frame: &Frame) -> bool {
