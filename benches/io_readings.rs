@@ -18,6 +18,7 @@ fn write(path: &Path, skin: &Skin, frames: u32) {
         path,
         skin.patches.iter().map(|p| &p.taxels),
         &[Channel::new("force", "N").unwrap()],
+        true,
     )
     .expect("a file");
     for t in 0..frames {

@@ -143,7 +143,7 @@ impl Law {
         if let Some(seed) = self.order {
             let mut random = Pcg64Mcg::new(seed << 1 | 1);
             for k in (1..count).rev() {
-                all.swap(k, (random.next_u64() % (k as u64 + 1)) as usize);
+                all.swap(k, below(&mut random, k + 1));
             }
         }
         all
@@ -224,7 +224,7 @@ fn write_contacts(folder: &Path, law: &Law) {
     let mut text = String::from("x,y,z,nx,ny,nz,force,radius,time\n");
     for k in 0..40 {
         let all = taxels(k % 2);
-        let [at, normal] = all[(random.next_u64() % all.len() as u64) as usize];
+        let [at, normal] = all[below(&mut random, all.len())];
         let aside = DVec3::from_array(std::array::from_fn(|_| uniform(&mut random)));
         let off = if k < 36 { 0.0015 + 0.0045 * uniform(&mut random) } else { 0.2 };
         let n = law.turned((0.2 * aside - normal).normalize());
@@ -266,6 +266,11 @@ const COUNTS: [&str; 8] =
 
 /// A row of what a command says: what must be the same, and numbers that must be so but for rounding.
 type Row = (String, Vec<f64>);
+
+/// A number below `count`.
+fn below(random: &mut Pcg64Mcg, count: usize) -> usize {
+    usize::try_from(random.next_u64() % count as u64).expect("less than a usize")
+}
 
 /// A skin to which something was done, and its map.
 struct Built {
@@ -705,6 +710,7 @@ impl Built {
 
 /// Numbers in the order in which rows of equal text stand.
 fn rounded(numbers: &[f64]) -> Vec<i64> {
+    #[expect(clippy::cast_possible_truncation, reason = "numbers of a table")]
     numbers.iter().map(|x| (x * 1e5).round() as i64).collect()
 }
 
@@ -728,7 +734,9 @@ fn difference(expected: &[Row], found: &[Row], error: f64) -> Option<String> {
 #[test]
 fn what_must_not_matter_to_a_skin_does_not() {
     let mut wrong = Vec::new();
-    let mut reference: Option<(Vec<Row>, Vec<Vec<Vec<Row>>>)> = None;
+    // The rows of the map, and those of each output of each door.
+    type Results = (Vec<Row>, Vec<Vec<Vec<Row>>>);
+    let mut reference: Option<Results> = None;
     for (is_reference, law) in LAWS {
         let built = Built::new(law);
         let (own, of_doors) = (

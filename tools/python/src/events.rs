@@ -76,7 +76,6 @@ struct State {
 impl PyEventDetector {
     #[new]
     #[pyo3(signature = (map, *, unit="Pa", probe="any", threshold=None, tared=false, words=None, **limits))]
-    #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
     fn new(
         #[pyo3(from_py_with = object)] map: &Bound<'_, PyMap>,
         #[pyo3(from_py_with = arg)] unit: &str,
