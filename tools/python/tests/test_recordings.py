@@ -447,7 +447,7 @@ def test_the_border_of_an_episode_resets_everything(tmp_path):
     command("report", *given, "--episode", 1, "-o", "r.html")
     command("plot", "map.glb", "--readings", "two.h5", "--layout", "l.json", "--frame", 50, "-o", "p.svg")
     # Whether taxels are accused is another matter.
-    assert "2 recordings" in command("check", "map.glb", "--recording", "two.h5", "--layout", "l.json", codes=(0, 1))
+    assert "; 200 frames, touches" in command("check", "map.glb", "--recording", "two.h5", "--layout", "l.json", codes=(0, 1))
     assert "cannot read two.h5" in command("summary", *given, "--episode", 7, "-o", "s.csv", codes=(2,))
 
 

@@ -282,19 +282,21 @@ impl Health {
             }
         }
         // A response names an id once: of taxels of one id in several patches, the worst counts.
-        let (mut taxels, mut seen, mut untested) = (Vec::new(), HashSet::new(), 0);
+        let (mut taxels, mut places) = (Vec::<TaxelResponse>::new(), HashMap::<TaxelId, usize>::new());
+        let mut untested = 0;
         for k in (0..self.around.len()).filter(|&k| self.around.is_present[k]) {
             let id = self.around.ids[k];
-            let found = heaviest.get(&id);
-            let state = match found {
-                Some(finding) => finding.kind,
-                None if self.is_read[k] && is_tested(k) => TaxelState::Ok,
-                None => TaxelState::Untested,
+            let is_ok = self.is_read[k] && is_tested(k);
+            let (state, other) = match heaviest.get(&id) {
+                Some(finding) => (finding.kind, finding.other),
+                None => (if is_ok { TaxelState::Ok } else { TaxelState::Untested }, None),
             };
             untested += usize::from(state == TaxelState::Untested);
-            if seen.insert(id) {
-                let other = found.and_then(|finding| finding.other);
+            let place = *places.entry(id).or_insert(taxels.len());
+            if place == taxels.len() {
                 taxels.push(TaxelResponse { state, other, ..TaxelResponse::unknown(id) });
+            } else if state == TaxelState::Untested {
+                taxels[place].state = state;
             }
         }
         let read = self.is_read.iter().filter(|is_read| **is_read).count();
