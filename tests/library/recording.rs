@@ -41,6 +41,16 @@ fn readings() -> Readings {
     }
 }
 
+/// Some of these frames.
+fn part(frames: std::ops::Range<usize>) -> Readings {
+    let whole = readings();
+    Readings {
+        times: whole.times[frames.clone()].to_vec(),
+        values: whole.values[338 * frames.start..338 * frames.end].to_vec(),
+        ..whole
+    }
+}
+
 fn open(map: &Arc<SkinMap>, options: &RecordingOptions) -> Recording {
     Recording::open(map, ReadingsReader::memory(readings()).unwrap(), options).unwrap()
 }
@@ -214,11 +224,6 @@ fn options_that_do_not_fit_the_readings_are_refused() {
 fn the_border_of_an_episode_resets_everything() {
     let map = palm();
     let whole = readings();
-    let part = |frames: std::ops::Range<usize>| Readings {
-        times: whole.times[frames.clone()].to_vec(),
-        values: whole.values[338 * frames.start..338 * frames.end].to_vec(),
-        ..whole.clone()
-    };
     let block = |episode: u64, readings: Readings| Ok(Block { episode, readings, statements: Vec::new() });
     let blocks =
         || [block(3, part(0..4)), block(3, part(4..18)), block(5, part(18..21)), block(5, part(21..30))];
@@ -270,12 +275,6 @@ fn the_border_of_an_episode_resets_everything() {
 #[test]
 fn episodes_without_frames_have_no_sums() {
     let map = palm();
-    let whole = readings();
-    let part = |frames: std::ops::Range<usize>| Readings {
-        times: whole.times[frames.clone()].to_vec(),
-        values: whole.values[338 * frames.start..338 * frames.end].to_vec(),
-        ..whole.clone()
-    };
     let opened = |parts: &[std::ops::Range<usize>], frames: FrameRange, zero: Zero| {
         let block = |(episode, frames): (usize, &std::ops::Range<usize>)| {
             Ok(Block { episode: episode as u64, readings: part(frames.clone()), statements: Vec::new() })
@@ -307,7 +306,7 @@ fn episodes_without_frames_have_no_sums() {
         remarks.iter().any(|remark| remark.contains("the mean of 1 frames, there are no 3")),
         "{remarks:?}"
     );
-    let without = Readings { times: vec![f64::NAN; 30], ..whole.clone() };
+    let without = Readings { times: vec![f64::NAN; 30], ..readings() };
     let reader = ReadingsReader::memory(without).unwrap();
     let mut recording = Recording::open(&map, reader, &RecordingOptions::default()).unwrap();
     let tracking = recording.tracker_options(1);
