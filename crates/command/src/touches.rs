@@ -15,10 +15,9 @@ use dermatome::robot::Robot;
 use dermatome::signal::TaxelState;
 use dermatome::skin::{Link, LinkId, Motion, Skin, TaxelId};
 use dermatome::touches::{
-    Drawing, JointColumns, JointSource, LeftOutReading, LogOfRows, RowSources, TouchReadings, TouchRow,
-    TouchesError, TouchesOptions, contacts_of_touches, log_of_rows, pose_in_motion,
+    Drawing, JointColumns, LeftOutReading, LogOfRows, RowSources, TouchReadings, TouchRow, TouchesError,
+    TouchesOptions, contacts_of_touches, links_of_rows, log_of_rows,
 };
-use glam::{DAffine3, DVec3};
 use serde::Serialize;
 
 use crate::console::errors::advise;
@@ -221,14 +220,10 @@ impl Args {
         link: &str,
         common: &Common,
     ) -> anyhow::Result<LogOfRows> {
-        let own = rows.iter().flat_map(|row| [Some(&*row.link), row.body_link.as_deref()]).flatten();
-        let mut names: BTreeSet<String> = own.map(str::to_owned).collect();
         // A table may have poses of the whole robot.
-        if let Some(path) = self.pose.as_deref().filter(|path| !RobotArgs::describes(path)) {
-            names.append(&mut read_link_names(path).map_err(Error::from)?);
-        }
-        let still = |name| Link { name, parent: None, pose: DAffine3::IDENTITY };
-        let links: IdVec<LinkId, Link> = names.into_iter().map(still).collect();
+        let table = self.pose.as_deref().filter(|path| !RobotArgs::describes(path));
+        let names = table.map(read_link_names).transpose().map_err(Error::from)?;
+        let links = links_of_rows(rows, names.unwrap_or_default());
         let robot = self.pose.as_deref().filter(|path| RobotArgs::describes(path)).map(read_robot);
         let robot = robot.transpose().map_err(Error::from)?;
         let values = robot.as_ref().map(|robot| self.values(robot, common)).transpose()?;
@@ -241,23 +236,14 @@ impl Args {
         };
         let recording = |path: &InPath| self.recording(path, skin, link, common);
         let readings = self.readings.as_ref().map(recording).transpose()?;
-        let pose = |name: &str, time: f64| pose_in_motion(motion.as_ref()?, &links, name, time);
-        let span = motion.as_ref().and_then(Motion::times).filter(|[first, last]| first < last);
-        let given = values.as_ref().map(|values| &*values.given).unwrap_or_default();
-        let by_joints = |time: f64, link: &str, body: Option<&str>, point: DVec3| {
-            columns.as_ref()?.at(time, link, body, point)
-        };
-        let joints = columns.as_ref().map(JointColumns::joints).unwrap_or_default();
-        let given = (0..joints.len()).map(|joint| given.contains(&joint)).collect();
-        let times = columns.as_ref().and_then(JointColumns::times);
-        let joints = JointSource { joints, given, by_joints: &by_joints, times };
+        let joints = columns.as_ref().zip(values.as_ref()).filter(|_| self.fit_joints);
+        let joints = joints.map(|(columns, values)| columns.source(&values.given));
         let sources = RowSources {
-            pose: motion.is_some().then_some(&pose),
-            pose_times: span,
+            motion: motion.as_ref().map(|motion| (motion, &links)),
             readings: readings.as_ref(),
             radius: self.radius,
             link: self.link.as_deref(),
-            joints: self.fit_joints.then_some(&joints),
+            joints: joints.as_ref(),
         };
         log_of_rows(rows, &sources).map_err(Error::from).with_context(|| self.about())
     }
@@ -301,28 +287,20 @@ impl Args {
         }
         let mut readings =
             TouchReadings { ids: reader.ids.clone().unwrap_or_default(), ..TouchReadings::default() };
+        let in_recording = |e: TouchesError| Error::Recording {
+            recording: path.display().to_string(),
+            source: Box::new(e.into()),
+        };
         let (mut values, mut time) = (Vec::new(), 0.0);
         while reader.read(&mut values, &mut time).map_err(Error::from)? {
-            if let Some(last) = readings.times.last().filter(|last| time < **last) {
-                let what = format!("{}: a frame at {time} s comes after one at {last} s", path.display());
-                return Err(advise(what, "give the readings of one trial, whose times ascend"));
-            }
-            readings.times.push(time);
-            readings.values.extend_from_slice(&values);
+            readings.push(time, &values).map_err(in_recording)?;
         }
         if let Some(skin) = skin {
-            readings.assign(skin, link).map_err(|source| Error::Recording {
-                recording: path.display().to_string(),
-                source: Box::new(source.into()),
-            })?;
+            readings.assign(skin, link).map_err(in_recording)?;
         }
         readings.threshold = self.threshold.unwrap_or_else(|| readings.above_noise());
         note!(common, "taxels are active above {:.3e}, in the unit of the readings", readings.threshold);
         if self.stiffness_kpa.is_some() {
-            let in_recording = |e: TouchesError| Error::Recording {
-                recording: path.display().to_string(),
-                source: Box::new(e.into()),
-            };
             readings.become_forces(&reader.channels[0], self.taxel).map_err(in_recording)?;
         }
         Ok(readings)

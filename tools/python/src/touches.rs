@@ -1,27 +1,25 @@
 //! `touches`: from the log of a robot that touches its skin to contacts.
 
 use std::{
-    collections::{BTreeMap, BTreeSet},
+    collections::BTreeMap,
     path::{Path, PathBuf},
     sync::Arc,
 };
 
 use dermatome::{
     Error, Skin,
-    id::IdVec,
     io::{
         TouchRows, file_kind, is_robot, read_draft, read_joint_values, read_link_names, read_map,
         read_motion, read_robot, read_touches, touches_from_bytes,
     },
     robot::Robot,
     signal::Channel,
-    skin::{Link, LinkId, Motion, TaxelId},
+    skin::TaxelId,
     touches::{
-        Drawing, JointColumns, JointSource, LogOfRows, RowSources, TouchReadings, TouchesOptions,
-        contacts_of_touches_with, log_of_rows, pose_in_motion,
+        Drawing, JointColumns, LogOfRows, RowSources, TouchReadings, TouchesOptions,
+        contacts_of_touches_with, links_of_rows, log_of_rows,
     },
 };
-use glam::{DAffine3, DVec3};
 use numpy::PyUntypedArrayMethods;
 use pyo3::{prelude::*, types::PyDict};
 
@@ -115,12 +113,13 @@ impl TouchesArgs<'_> {
             _ => return Err(bad("readings", "another shape", "shape (T, N)")),
         };
         let times = one_each("timestamps", times, frames)?;
-        if times.iter().any(|time| !time.is_finite()) || !times.is_sorted() {
-            return Err(bad("readings", "times that are unknown or do not ascend", "times that ascend"));
-        }
         let ids = ids.as_ref().map(|ids| one_number_each("ids", ids, width)).transpose()?;
         let ids = ids.unwrap_or_default().into_iter().map(TaxelId).collect();
-        Ok(Some(TouchReadings { times, ids, values: values.as_slice()?.to_vec(), threshold: 0.0 }))
+        let mut readings = TouchReadings { ids, ..TouchReadings::default() };
+        for (time, values) in times.into_iter().zip(values.as_slice()?.chunks(width.max(1))) {
+            readings.push(time, values).map_err(error)?;
+        }
+        Ok(Some(readings))
     }
 }
 
@@ -129,14 +128,9 @@ impl Sources {
     fn log(&self, rows: &TouchRows, remarks: &mut Vec<String>) -> Result<LogOfRows, Error> {
         let (rows, unused) = rows;
         note_columns("the log", unused, remarks);
-        let own = rows.iter().flat_map(|row| [Some(&*row.link), row.body_link.as_deref()]).flatten();
-        let mut names: BTreeSet<String> = own.map(str::to_owned).collect();
         // A table may have poses of the whole robot.
-        if let Some(path) = self.pose.as_deref().filter(|_| self.robot.is_none()) {
-            names.append(&mut read_link_names(path)?);
-        }
-        let link = |name| Link { name, parent: None, pose: DAffine3::IDENTITY };
-        let links: IdVec<LinkId, Link> = names.into_iter().map(link).collect();
+        let table = self.pose.as_deref().filter(|_| self.robot.is_none());
+        let links = links_of_rows(rows, table.map(read_link_names).transpose()?.unwrap_or_default());
         let values = self.robot.as_ref().map(|robot| self.joint_values(robot, remarks)).transpose()?;
         let columns =
             self.robot.as_ref().zip(values.as_ref()).map(|(robot, (rows, _))| JointColumns::new(robot, rows));
@@ -155,22 +149,14 @@ impl Sources {
             }
             (None, ..) => None,
         };
-        let by_joints = |time: f64, link: &str, body: Option<&str>, point: DVec3| {
-            columns.as_ref()?.at(time, link, body, point)
-        };
-        let joints = columns.as_ref().map(JointColumns::joints).unwrap_or_default();
-        let given = values.as_ref().map(|(_, given)| &**given).unwrap_or_default();
-        let given = (0..joints.len()).map(|joint| given.contains(&joint)).collect();
-        let times = columns.as_ref().and_then(JointColumns::times);
-        let joints = JointSource { joints, given, by_joints: &by_joints, times };
-        let pose = |name: &str, time: f64| pose_in_motion(motion.as_ref()?, &links, name, time);
+        let joints = columns.as_ref().zip(values.as_ref()).filter(|_| self.fit_joints);
+        let joints = joints.map(|(columns, (_, given))| columns.source(given));
         let sources = RowSources {
-            pose: motion.is_some().then_some(&pose),
-            pose_times: motion.as_ref().and_then(Motion::times).filter(|[first, last]| first < last),
+            motion: motion.as_ref().map(|motion| (motion, &links)),
             readings: self.readings.as_ref(),
             radius: self.radius,
             link: self.link.as_deref(),
-            joints: self.fit_joints.then_some(&joints),
+            joints: joints.as_ref(),
         };
         Ok(log_of_rows(rows, &sources)?)
     }

@@ -295,6 +295,7 @@ fn option_help(error: &Error) -> &'static str {
             TouchesError::UnknownTaxel { .. } => {
                 "give the drawing of this skin with --skin, or leave out --skin"
             }
+            TouchesError::ReadingTime { .. } => "give the readings of one trial, whose times ascend",
             TouchesError::SharedId { .. } => {
                 "add a column `link` to the log, or give the taxels of --skin ids that differ"
             }

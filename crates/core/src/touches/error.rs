@@ -89,8 +89,14 @@ pub enum TouchesError {
         "the joint {joint:?} moves the link {link:?}, and has no values; needed: the values of every joint between the link and what touches it"
     )]
     NoJointValues { joint: String, link: String },
+    #[error("frame {frame} of the readings is at {time} s{}; needed: the times of one trial, which ascend", after(*.last))]
+    ReadingTime { frame: usize, time: f64, last: Option<f64> },
     #[error("line {row}: no taxels; needed: a column `taxels`, or a recording of the readings")]
     NoReadings { row: usize },
+}
+
+fn after(last: Option<f64>) -> String {
+    last.map_or_else(String::new, |last| format!(", after one at {last} s"))
 }
 
 fn found_time(time: Option<f64>) -> String {

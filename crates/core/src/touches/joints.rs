@@ -6,6 +6,7 @@ use crate::calib::{JointMotion, TouchJoint};
 use crate::numeric::argsort;
 use crate::robot::{Joint, JointKind, Robot};
 use crate::skin::LinkId;
+use crate::touches::JointSource;
 
 /// A value of a turning joint beyond this, in rad, may be one in degrees; one of a sliding joint, in m, one in mm.
 const MOST_LIKELY: [f64; 2] = [std::f64::consts::TAU, 10.0];
@@ -26,6 +27,17 @@ impl<'r> JointColumns<'r> {
     pub fn new(robot: &'r Robot, rows: &'r [(f64, Vec<f64>)]) -> Self {
         let order = argsort(&rows.iter().map(|(time, _)| *time).collect::<Vec<_>>());
         Self { robot, rows: order.into_iter().map(|row| &rows[row]).collect() }
+    }
+
+    /// What makes a log of rows, where these joints have values.
+    pub fn source(&self, given: &[usize]) -> JointSource<'_> {
+        let joints = self.joints();
+        JointSource {
+            given: (0..joints.len()).map(|joint| given.contains(&joint)).collect(),
+            joints,
+            by_joints: Box::new(|time, link, body, point| self.at(time, link, body, point)),
+            times: self.times(),
+        }
     }
 
     /// The joints of the robot.

@@ -70,8 +70,7 @@ pub use joints::JointColumns;
 pub use log::{TouchBody, TouchFrame, TouchLog};
 pub use options::TouchesOptions;
 pub use rows::{
-    ByJointsAt, JointSource, LogOfRows, PoseAt, RowSources, TouchReadings, TouchRow, log_of_rows,
-    pose_in_motion,
+    ByJointsAt, JointSource, LogOfRows, RowSources, TouchReadings, TouchRow, links_of_rows, log_of_rows,
 };
 pub use spikes::LeftOutReading;
 

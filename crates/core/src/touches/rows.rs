@@ -1,6 +1,8 @@
 //! The rows of a table of touches, and how they become a log: poses and readings may be in files of their own.
 
-use glam::{DQuat, DVec3};
+use std::collections::BTreeSet;
+
+use glam::{DAffine3, DQuat, DVec3};
 
 use crate::calib::{Pose, TouchJoint};
 use crate::id::IdVec;
@@ -47,9 +49,6 @@ pub struct TouchReadings {
     pub threshold: f64,
 }
 
-/// The pose of a link of this name at a time (s), if there is one.
-pub type PoseAt<'a> = dyn Fn(&str, f64) -> Option<Pose> + 'a;
-
 /// The derivative of a point (m) in the frame of a link of this name, on another link or in the world, by the value of each joint, at
 /// a time (s); `None`: no such link.
 pub type ByJointsAt<'a> = dyn Fn(f64, &str, Option<&str>, DVec3) -> Option<Vec<DVec3>> + 'a;
@@ -61,7 +60,7 @@ pub struct JointSource<'a> {
     /// Whether there are values of each.
     pub given: Vec<bool>,
     /// How a body moves with each of them.
-    pub by_joints: &'a ByJointsAt<'a>,
+    pub by_joints: Box<ByJointsAt<'a>>,
     /// The first and the last time of the values, in s, where they change.
     pub times: Option<[f64; 2]>,
 }
@@ -69,10 +68,8 @@ pub struct JointSource<'a> {
 /// Where the poses and readings of rows without their own come from.
 #[derive(Default)]
 pub struct RowSources<'a> {
-    /// The pose of a link of this name at a time (s), in the world; `None`: no such link.
-    pub pose: Option<&'a PoseAt<'a>>,
-    /// The first and the last time of these poses, in s, where they change.
-    pub pose_times: Option<[f64; 2]>,
+    /// How links move, and the links: [`links_of_rows`]. A link whose name several have, or that does not move, has no pose.
+    pub motion: Option<(&'a Motion, &'a IdVec<LinkId, Link>)>,
     /// Readings.
     pub readings: Option<&'a TouchReadings>,
     /// The radius of the body where rows do not give it, in m.
@@ -81,6 +78,13 @@ pub struct RowSources<'a> {
     pub link: Option<&'a str>,
     /// How bodies move with joints; the log has the joints that move them.
     pub joints: Option<&'a JointSource<'a>>,
+}
+
+/// The links of rows and those of these names, in the world: what their motion is read for.
+pub fn links_of_rows(rows: &[TouchRow], names: impl IntoIterator<Item = String>) -> IdVec<LinkId, Link> {
+    let own = rows.iter().flat_map(|row| [Some(&row.link), row.body_link.as_ref()]).flatten().cloned();
+    let names: BTreeSet<String> = own.chain(names).collect();
+    names.into_iter().map(|name| Link { name, parent: None, pose: DAffine3::IDENTITY }).collect()
 }
 
 /// A log of rows, and how many rows were not used.
@@ -198,7 +202,7 @@ fn keep_moving_joints(log: &mut TouchLog, joints: &JointSource<'_>, link: &str) 
 
 /// The pose of a link in a motion of links at a time (s), in the world; `None` if there is none of this name, or several, or it
 /// does not move. Links without a parent are in the world.
-pub fn pose_in_motion(motion: &Motion, links: &IdVec<LinkId, Link>, name: &str, time: f64) -> Option<Pose> {
+fn pose_in_motion(motion: &Motion, links: &IdVec<LinkId, Link>, name: &str, time: f64) -> Option<Pose> {
     let mut named = links.enumerate().filter(|(_, link)| link.name == name);
     let (Some((link, _)), None) = (named.next(), named.next()) else { return None };
     let (_, pose) = motion.pose(link, time)?;
@@ -216,15 +220,15 @@ fn pose_of(
         return Ok(pose);
     }
     let missing = || TouchesError::NoPose { row: row.row, link: link.to_owned() };
-    let poses = sources.pose.ok_or_else(missing)?;
-    let time = match (row.time, sources.pose_times) {
+    let (motion, links) = sources.motion.ok_or_else(missing)?;
+    let time = match (row.time, motion.times().filter(|[first, last]| first < last)) {
         (time, None) => time.unwrap_or(0.0),
         (Some(time), Some([first, last])) if (first..=last).contains(&time) => time,
         (found, Some(span)) => {
             return Err(TouchesError::OffClock { row: row.row, found, what: "poses", span });
         }
     };
-    poses(link, time).ok_or_else(missing)
+    pose_in_motion(motion, links, link, time).ok_or_else(missing)
 }
 
 /// The body in the frame of the poses.
@@ -277,6 +281,20 @@ fn felt(
 }
 
 impl TouchReadings {
+    /// Adds a frame of readings at a time (s).
+    ///
+    /// # Errors
+    /// [`TouchesError::ReadingTime`] if the time is not finite or before that of the last frame.
+    pub fn push(&mut self, time: f64, values: &[f64]) -> Result<(), TouchesError> {
+        let last = self.times.last().copied();
+        if !time.is_finite() || last.is_some_and(|last| time < last) {
+            return Err(TouchesError::ReadingTime { frame: self.times.len(), time, last });
+        }
+        self.times.push(time);
+        self.values.extend_from_slice(values);
+        Ok(())
+    }
+
     /// The frame nearest to a time; an error with the span of the times if it is farther than half of the time between
     /// frames.
     fn frame_at(&self, time: Option<f64>) -> Result<usize, [f64; 2]> {
