@@ -28,7 +28,7 @@ const NEIGHBOURS: usize = 4;
 const FEW: usize = 12;
 
 /// Sums of distances that differ by less, as a share of the largest, are equal.
-const ROUNDING: f64 = 1e-9;
+const SAME_SHARE: f64 = 1e-9;
 
 /// A field is a combination of some of this many nearest centres.
 const NEAREST: usize = 5;
@@ -224,7 +224,7 @@ fn choose(graph: &Graph, fields: &[usize], priorities: &[Priority], scratch: &mu
     }
     // Of two fields both sums are their distance: equal but for rounding, which follows the frame.
     let largest = sums.iter().copied().fold(0.0, f64::max);
-    sums.iter_mut().filter(|_| largest > 0.0).for_each(|sum| *sum = (*sum / largest / ROUNDING).round());
+    sums.iter_mut().filter(|_| largest > 0.0).for_each(|sum| *sum = (*sum / largest / SAME_SHARE).round());
     let mut order: Vec<usize> = (0..fields.len()).collect();
     let key = |k: usize| (priorities[fields[k]], fields[k]);
     order.sort_by(|&a, &b| sums[a].total_cmp(&sums[b]).then(key(a).cmp(&key(b))));

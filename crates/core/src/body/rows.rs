@@ -66,7 +66,7 @@ pub(super) fn shifted(rows: &Prolongation, first: usize) -> Prolongation {
 }
 
 /// A weight that is not larger is none: one at a corner of a triangle has 1e-17 of the other two, or 0, as its frame has it.
-const ROUNDING: f64 = 1e-9;
+const NO_WEIGHT: f64 = 1e-9;
 
 /// The rows of `fine` through those of `coarse`.
 pub(super) fn product(fine: &Prolongation, coarse: &Prolongation) -> Prolongation {
@@ -82,7 +82,7 @@ pub(super) fn product(fine: &Prolongation, coarse: &Prolongation) -> Prolongatio
                 }
             }
         }
-        row.retain(|(_, weight)| *weight > ROUNDING);
+        row.retain(|(_, weight)| *weight > NO_WEIGHT);
         row.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
         row.truncate(3);
         let sum: f64 = row.iter().map(|(_, w)| w).sum();

@@ -11,7 +11,7 @@ use crate::mesh::{
 define_id!(
     /// A place of a map: a vertex of the mesh as it lies on the map, perhaps cut open. A vertex of the seam has
     /// several places; where nothing is cut, each vertex is the place of the same number.
-    pub PlaceId, "p"
+    pub PlaceId, "place"
 );
 
 impl PlaceId {

@@ -64,7 +64,7 @@ pub fn examine<E: From<Error> + From<SignalError>>(
             health.begin_recording(channel, recording.has_readings());
             recording.each_frame(|frame| match frame {
                 Some(frame) => health.see(frame),
-                None => health.end_episode(),
+                None => health.end_recording(),
             })?;
             health.end_recording();
         }

@@ -22,7 +22,7 @@ use crate::signal::contacts::joined::Joined;
 
 define_id!(
     /// A subregion of a region, counted from the highest peak.
-    pub(super) PartId, "p"
+    pub(super) PartId, "part"
 );
 
 /// The readings of all taxels, and the criteria for a contact.

@@ -179,12 +179,7 @@ impl Health {
         window.push(x, around, survey, |view| sight.see(&view, around, survey, *pass));
     }
 
-    /// Ends an episode of a recording: the frame that comes next is not the one after the last.
-    pub fn end_episode(&mut self) {
-        self.end_recording();
-    }
-
-    /// Ends a recording.
+    /// Ends a recording, or an episode of one: the frame that comes next is not the one after the last.
     pub fn end_recording(&mut self) {
         let Self { around, survey, window, sight, pass, .. } = self;
         match *pass {
