@@ -1,5 +1,6 @@
 //! Maps of two skins on one plane: what must not matter, and what must be kept.
 
+use std::sync::atomic::AtomicU64;
 use std::sync::{Arc, LazyLock};
 
 use dermatome::atlas::{Atlas, AtlasOptions, Pack};
@@ -58,7 +59,8 @@ fn onto(
 ) -> Result<(SkinMap, Registered), RegistrationError> {
     let mut map = free.clone();
     let hash = map_hash(atlas).unwrap();
-    let registered = register(&mut map, &Onto { atlas, name: "other", hash, landmarks, is_mirrored })?;
+    let registered =
+        register(&mut map, &Onto { atlas, name: "other", hash, landmarks, is_mirrored }, Run::default())?;
     for level in &map.patches[PatchId::new(0)].levels {
         let measured = distortion(&level.opened(), &level.opened_uv());
         assert_eq!((measured.flips, measured.crossings), (0, 0));
@@ -101,7 +103,7 @@ fn a_sheet_lies_on_the_map_of_another() {
     let marks = marks_at(&PLACES);
     let (hash, mut built) = (map_hash(atlas).unwrap(), built(skin));
     let other = Onto { atlas, name: "other", hash, landmarks: &marks, is_mirrored: false };
-    let registered = built.register(skin, &BuildOptions::default(), &other).unwrap();
+    let registered = built.register(skin, &BuildOptions::default(), &other, Run::default()).unwrap();
     let map = built.map;
     assert_eq!((registered.patches[0].landmarks, registered.patches[0].folding.len()), (9, 0));
     let Landmarks::Taxels(rows) = &marks else { unreachable!() };
@@ -217,6 +219,26 @@ fn a_landmark_that_is_off_is_named() {
     assert!(wrong.remarks()[0].contains("line 14 may be wrong"), "{:?}", wrong.remarks());
     let on = map.patches[PatchId::new(0)].atlas.clone().unwrap();
     assert_eq!((on.patch.as_str(), on.landmarks + on.left_out), ("sheet", 25));
+}
+
+/// 400 landmarks that are exchanged with their neighbours fold nearly all: the map is bent some 40 times, not 400.
+#[test]
+fn hundreds_of_landmarks_that_fold_cost_few_bends() {
+    let Pair { free, atlas, .. } = &*PAIR;
+    let [columns, rows] = B;
+    let at = |k: usize, columns: usize| (PatchId::new(0), VertexId::new(k % 29 + k / 29 * columns));
+    let marks: Vec<Landmark> = (0..columns * rows / 4 * 4)
+        .map(|k| Landmark { name: format!("line {k}"), taxel: at(k, A[0]), atlas: at(k ^ 3, columns) })
+        .collect();
+    let (steps, marks) = (AtomicU64::new(0), Landmarks::Taxels(marks));
+    let onto = Onto { atlas, name: "other", hash: 0, landmarks: &marks, is_mirrored: false };
+    let made = register(&mut SkinMap::clone(free), &onto, Run::default().counting(&steps));
+    let steps = steps.into_inner();
+    assert!((8..60).contains(&steps), "{steps} bends");
+    match made {
+        Ok(made) => assert!(made.patches[0].folding.len() > 100, "{made:?}"),
+        Err(error) => assert_eq!(error.kind(), "folds"),
+    }
 }
 
 /// A map says by how many landmarks it lies on the atlas, and its energy before.

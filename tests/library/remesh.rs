@@ -1,6 +1,7 @@
 //! Remeshing: triangles of one size, on the surface, with its edges, rims, holes and handles.
 
-use dermatome::mesh::{Adjacency, TriMesh, mean_edge_length, shapes};
+use dermatome::id::FaceId;
+use dermatome::mesh::{Adjacency, FillHoles, TriMesh, mean_edge_length, shapes};
 use dermatome::remesh::{RemeshError, clip, drop_crumbs, keep_outer, remesh, remesh_skin};
 use dermatome::run::Run;
 use dermatome::skin::{Draft, Link, LinkId, PatchId, Sheet, Skin};
@@ -440,5 +441,71 @@ fn rods_of_long_triangles_keep_what_stands_out() {
         let out = area_where(&draft.sheets[0], |p| at > 0.1 || is_out(p));
         let right = std::f64::consts::TAU * 0.004 * if at > 0.1 { 0.3 } else { 0.2 };
         assert!(out > 0.8 * right && out < 1.01 * right, "{out} m^2, right {right}");
+    }
+}
+
+/// A plate of 0.2 m with a hole in its middle, as CAD has it: rings between corners at `radii` times a square, or a circle.
+fn holed(corners: u32, is_round: bool) -> TriMesh {
+    let at = |ring: u32, k: u32| {
+        let (y, x) = (std::f64::consts::TAU * (f64::from(k) + 0.5) / f64::from(corners)).sin_cos();
+        let on_square = DVec3::new(x, y, 0.0) / x.abs().max(y.abs());
+        if ring == 1 {
+            0.1 * on_square
+        } else if is_round {
+            DVec3::new(0.04 * x, 0.04 * y, 0.0)
+        } else {
+            0.04 * on_square
+        }
+    };
+    let positions = (0..2).flat_map(|ring| (0..corners).map(move |k| at(ring, k))).collect();
+    let cell = |k: u32| {
+        let next = (k + 1) % corners;
+        [[k, corners + k, corners + next], [k, corners + next, next]]
+    };
+    TriMesh::from_arrays(positions, &(0..corners).flat_map(cell).collect::<Vec<_>>())
+}
+
+/// What fills a hole is no skin: meshed anew it is filled again, without a taxel. It was covered with taxels.
+#[test]
+fn filled_holes_have_no_taxels_of_a_new_mesh() {
+    for (name, mesh) in [("square", holed(4, false)), ("round", holed(32, true))] {
+        let (corners, faces) = (mesh.positions.len() / 2, mesh.triangles.len());
+        let mut draft = Draft::default();
+        draft.sheets.push(sheet(&mesh));
+        let options = AssembleOptions { fill_holes: FillHoles::UpTo(corners), ..AssembleOptions::default() };
+        let skin = assemble(&draft, &options).unwrap().skin;
+        assert_eq!(skin.patches[PatchId::new(0)].filled, corners - 2);
+        let made = remesh_skin(&skin, &[0.005], Run::default()).unwrap();
+        let patch = &made.skin.patches[PatchId::new(0)];
+        let is_within = |p: &&DVec3| {
+            let reach = if corners == 4 { p.x.abs().max(p.y.abs()) } else { p.truncate().length() };
+            reach < 0.04 * 0.99
+        };
+        assert_eq!(patch.mesh.positions.iter().filter(is_within).count(), 0, "{name}: taxels in the hole");
+        assert_eq!(Adjacency::new(&patch.mesh).unwrap().boundary_loops().len(), 1, "{name}");
+        assert!(made.unfilled.is_empty(), "{name}");
+        let own = patch.mesh.triangles.len() - patch.filled;
+        let area = |faces: &mut dyn Iterator<Item = FaceId>| {
+            faces.map(|face| 0.5 * patch.mesh.face_cross(face).length()).sum::<f64>()
+        };
+        let [skin_area, in_hole] = [
+            area(&mut patch.mesh.triangles.ids().take(own)),
+            area(&mut patch.mesh.triangles.ids().skip(own)),
+        ];
+        let before = |faces: std::ops::Range<usize>| {
+            faces
+                .map(|k| 0.5 * skin.patches[PatchId::new(0)].mesh.face_cross(FaceId::new(k)).length())
+                .sum::<f64>()
+        };
+        assert!((skin_area / before(0..faces) - 1.0).abs() < 0.01, "{name}: {skin_area} m^2 of skin");
+        assert!(
+            (in_hole / before(faces..faces + corners - 2) - 1.0).abs() < 0.03,
+            "{name}: {in_hole} m^2 in the hole"
+        );
+        let lowest = patch.mesh.triangles.ids().map(|face| {
+            let [a, b, c] = patch.mesh.corners(face);
+            (b - a).cross(c - a).length() / a.distance(b).max(b.distance(c)).max(c.distance(a))
+        });
+        assert!(lowest.fold(1.0, f64::min) > 1e-4, "{name}: a face without height");
     }
 }

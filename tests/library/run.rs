@@ -9,6 +9,7 @@ use dermatome::flatten::{FlattenOptions, flatten, flatten_pyramid};
 use dermatome::mesh::shapes;
 use dermatome::pipeline::{BuildOptions, build, build_finest, build_with};
 use dermatome::pyramid::{CoarsenOptions, coarsen};
+use dermatome::registration::{Landmarks, Onto, register};
 use dermatome::remesh::remesh_skin;
 use dermatome::run::{Progress, Run, Stage};
 use dermatome::skin::{Skin, Taxels};
@@ -27,7 +28,10 @@ fn every_job_that_is_cancelled_ends_with_that_error() {
     let observed =
         simulate(&SimulateOptions { taxels: 20, ..SimulateOptions::default() }).unwrap().observations;
     let keep_going = BuildOptions { keep_going: true, ..BuildOptions::default() };
-    let jobs: [(&str, Result<(), Error>); 7] = [
+    let map = build(&skin, &BuildOptions::default()).unwrap();
+    let onto = Onto { atlas: &map, name: "", hash: 0, landmarks: &Landmarks::Regions, is_mirrored: false };
+    let jobs: [(&str, Result<(), Error>); 8] = [
+        ("register", register(&mut map.clone(), &onto, run).map(drop).map_err(Into::into)),
         ("flatten", flatten(&cap, None, &options, run).map(drop).map_err(Into::into)),
         ("pyramid", flatten_pyramid(&pyramid, None, &options, run).map(drop).map_err(Into::into)),
         ("coarsen", coarsen(&cap, &taxels, &CoarsenOptions::default(), run).map(drop).map_err(Into::into)),

@@ -125,7 +125,7 @@ fn sentences(found: &Diff) -> String {
 /// `module 7 of palm moved by 3.1 mm, turned by 2.0 deg (12 sigma) [taxels 1, 2 and 8 more]`.
 fn sentence(change: &Change) -> String {
     let Change { kind, subject, name, other, link, patch, distance, angle, sigmas, .. } = change;
-    let what = match name.as_str() {
+    let subject_name = match name.as_str() {
         "" => format!("a {subject} without a name"),
         _ => format!("{subject} {name}"),
     };
@@ -141,8 +141,14 @@ fn sentence(change: &Change) -> String {
             format!("exchanged its place with {subject} {}", other.as_deref().unwrap_or_default())
         }
         ChangeKind::Renumbered => format!("has other ids: {}", few(&change.others)),
-        ChangeKind::Missing => "is missing in the second file".into(),
-        ChangeKind::New => "is new in the second file".into(),
+        // Of a patch or a module some taxels may be there.
+        ChangeKind::Missing | ChangeKind::New => {
+            let (count, is) = (change.taxels.len(), if change.taxels.len() == 1 { "is" } else { "are" });
+            let taxels = if count == 1 { "1 taxel".to_owned() } else { format!("{count} taxels") };
+            let what = if *kind == ChangeKind::New { "new" } else { "missing" };
+            let named = few(&change.taxels);
+            return format!("{taxels} of {subject_name}{of} {is} {what} in the second file [taxels {named}]");
+        }
         ChangeKind::Relinked => {
             format!("is on the link {:?} in place of {link:?}", other.as_deref().unwrap_or_default())
         }
@@ -151,7 +157,7 @@ fn sentence(change: &Change) -> String {
         ChangeKind::Regrouped => format!("belongs to the module {}", other.as_deref().unwrap_or_default()),
     };
     let sure = if sigmas.is_nan() { String::new() } else { format!(" ({sigmas:.1} sigma)") };
-    format!("{what}{of} {how}{sure} [taxels {}]", few(&change.taxels))
+    format!("{subject_name}{of} {how}{sure} [taxels {}]", few(&change.taxels))
 }
 
 fn few(ids: &[TaxelId]) -> String {

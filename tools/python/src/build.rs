@@ -9,7 +9,7 @@ use dermatome::{
     pipeline::{BuildOptions, BuildRemark, Built, MagnifyOver, build_with},
     pyramid::CoarsenOptions,
     registration::{Landmarks, Onto, Registered, carried_seams},
-    run::{Progress, Stage},
+    run::{Progress, Run, Stage},
     skin::{TaxelId, Taxels},
 };
 use pyo3::prelude::*;
@@ -206,7 +206,7 @@ pub(crate) fn build(
         }
         let mut built = build_with(&skin, &options, stop.run().telling(&|told| tell(told, stop)))?;
         let registered = match onto {
-            Some(onto) => onto.register(&mut built, &skin, &options)?,
+            Some(onto) => onto.register(&mut built, &skin, &options, stop.run())?,
             None => Registered::default(),
         };
         let mut remarks = BuildRemark::of_skin(&skin);
@@ -294,10 +294,11 @@ impl OnAtlas {
         built: &mut Built,
         skin: &Skin,
         options: &BuildOptions,
+        run: Run<'_>,
     ) -> Result<Registered, dermatome::Error> {
         let map = Arc::clone(&built.map);
         let landmarks = self.landmarks(map.patches.iter().map(|patch| (&*patch.name, &patch.taxels)))?;
-        built.register(skin, options, &self.onto(&landmarks)?)
+        built.register(skin, options, &self.onto(&landmarks)?, run)
     }
 
     fn onto<'a>(&'a self, landmarks: &'a Landmarks) -> Result<Onto<'a>, dermatome::Error> {

@@ -118,6 +118,13 @@ impl PySkin {
         Ok(Self { skin: Arc::new(skin), remarks })
     }
 
+    /// The skin on which the faces that fill pin-holes are like the others.
+    fn without_filled(self) -> Self {
+        let mut skin = Arc::unwrap_or_clone(self.skin);
+        skin.patches.iter_mut().for_each(|patch| patch.filled = 0);
+        Self { skin: Arc::new(skin), ..self }
+    }
+
     /// The same surface, meshed anew with taxels this far apart.
     fn meshed_anew(self, py: Python<'_>, spacing: &Bound<'_, PyAny>) -> PyResult<Self> {
         let (spacings, skin, mut remarks) = (spacings(spacing, &self.skin)?, self.skin, self.remarks);
@@ -136,6 +143,9 @@ impl PySkin {
         );
         remarks.extend(made.shrunk.iter().map(|(name, farthest)| {
             format!("{name}: parts thinner than its taxels are apart have none at their ends, up to {:.1} mm of them", 1e3 * farthest)
+        }));
+        remarks.extend(made.unfilled.iter().map(|(name, count)| {
+            format!("{name}: {count} filled holes are open again, with too many taxels around")
         }));
         Ok(Self { skin: Arc::new(made.skin), remarks })
     }
@@ -246,6 +256,7 @@ impl PySkin {
             skin = skin.without_crumbs(least_area, spacing)?;
         }
         match spacing {
+            Some(spacing) if fill_holes.is_none() => skin.without_filled().meshed_anew(py, spacing),
             Some(spacing) => skin.meshed_anew(py, spacing),
             None => Ok(skin),
         }

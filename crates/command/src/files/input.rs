@@ -9,6 +9,7 @@ use dermatome::Error;
 use dermatome::body::{Body, Gap, gap_links};
 use dermatome::io::{IoError, ReadingsLayout, ReadingsReader, read_map};
 use dermatome::map::SkinMap;
+use dermatome::mesh::FillHoles;
 use dermatome::remesh::{Remeshed, keep_outer, remesh_skin};
 use dermatome::run::Run;
 use dermatome::skin::{AssembleOptions, Draft, Remark, RemarkKind, Skin, assemble};
@@ -144,6 +145,10 @@ pub(crate) fn read_good_patches(
         read.robot.drop_crumbs(robot, skin, spacings.as_deref(), common)?;
     }
     if let Some(spacing) = &read.spacing {
+        if options.fill_holes == FillHoles::PinHoles {
+            // Faces that are missing in the surface; taxels lie on them as on the others.
+            assembled.skin.patches.iter_mut().for_each(|patch| patch.filled = 0);
+        }
         assembled.skin = mesh_anew(&assembled.skin, spacing, common)?;
     }
     let is_left_out = |remark: &&Remark| matches!(remark.kind, RemarkKind::PatchLeftOut { .. });
@@ -154,7 +159,7 @@ pub(crate) fn read_good_patches(
 /// Meshes a skin anew with taxels this far apart.
 fn mesh_anew(skin: &Skin, spacing: &Spacing, common: &Common) -> anyhow::Result<Skin> {
     let spacings = spacing.of_patches(skin)?;
-    let Remeshed { skin, left_out, mut shrunk } =
+    let Remeshed { skin, left_out, mut shrunk, unfilled } =
         remesh_skin(skin, &spacings, Run::default()).map_err(Error::from)?;
     if skin.patches.is_empty() {
         let least = spacings.iter().copied().fold(f64::INFINITY, f64::min);
@@ -183,6 +188,12 @@ fn mesh_anew(skin: &Skin, spacing: &Spacing, common: &Common) -> anyhow::Result<
             1e3 * farthest,
             first_names(&names)
         );
+    }
+    if !unfilled.is_empty() {
+        let count: usize = unfilled.iter().map(|(_, count)| count).sum();
+        let names: Vec<String> = unfilled.into_iter().map(|(name, _)| name).collect();
+        let holes = if count == 1 { "1 hole stays".to_owned() } else { format!("{count} holes stay") };
+        note!(common, "{holes} open, with too many taxels around: {}", first_names(&names));
     }
     let taxels: usize = skin.patches.iter().map(|patch| patch.mesh.positions.len()).sum();
     let [least, most] =

@@ -9,6 +9,7 @@ use dermatome::io::{map_hash, read_landmarks, read_map};
 use dermatome::map::SkinMap;
 use dermatome::pipeline::{BuildOptions, Built};
 use dermatome::registration::{Landmarks, Onto, Registered, carried_seams};
+use dermatome::run::Run;
 use dermatome::skin::{Skin, Taxels};
 
 use crate::console::errors::advise;
@@ -98,7 +99,8 @@ impl AtlasArgs {
                 }
             }
         }
-        note_registered(&built.register(skin, options, &self.onto(atlas, &landmarks))?, common);
+        let run = Run::default().counting(&common.steps);
+        note_registered(&built.register(skin, options, &self.onto(atlas, &landmarks), run)?, common);
         Ok(())
     }
 

@@ -77,6 +77,29 @@ pub(crate) fn fill_shorter(mesh: &mut TriMesh, length: f64) -> Result<(), MeshEr
     Ok(())
 }
 
+/// Closes these boundary loops, with faces lower than `lowest` (m) only where there are no others; returns how many.
+#[cfg(feature = "robots")]
+pub(crate) fn fill_loops(
+    mesh: &mut TriMesh,
+    loops: Vec<Vec<VertexId>>,
+    lowest: f64,
+) -> Result<usize, MeshError> {
+    let adjacency = Adjacency::new(mesh)?;
+    let filled = |walk: Vec<VertexId>| {
+        // Any other triangulation is cheaper than one with a low face more.
+        let low = loop_length(mesh, &walk).powi(2);
+        let cost = |corners: [DVec3; 3]| {
+            let (area, [a, b, c]) = (area(corners), corners);
+            let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
+            area + if 2.0 * area < lowest * longest { low } else { 0.0 }
+        };
+        least(mesh, &adjacency, &walk, cost)
+    };
+    let all: Vec<_> = loops.into_iter().filter_map(filled).collect();
+    all.iter().flatten().for_each(|&t| _ = mesh.triangles.push(t));
+    Ok(all.len())
+}
+
 /// The holes that `which` selects, with their triangulations of least area `(barequet1995)` without edges of
 /// the mesh; a hole without such a triangulation stays open.
 ///
@@ -141,6 +164,20 @@ fn continues_surface(
 /// The triangles of least total area that close a loop; `None` if each needs an edge the mesh
 /// already has.
 fn least_area(mesh: &TriMesh, adjacency: &Adjacency, walk: &[VertexId]) -> Option<Vec<[VertexId; 3]>> {
+    least(mesh, adjacency, walk, area)
+}
+
+fn area(corners: [DVec3; 3]) -> f64 {
+    0.5 * triangle_cross(corners).length()
+}
+
+/// The triangles of least total cost that close a loop.
+fn least(
+    mesh: &TriMesh,
+    adjacency: &Adjacency,
+    walk: &[VertexId],
+    cost: impl Fn([DVec3; 3]) -> f64,
+) -> Option<Vec<[VertexId; 3]>> {
     // The mesh is on the left of the loop, so the hole is walked in reverse.
     let rim: Vec<VertexId> = walk.iter().rev().copied().collect();
     let n = rim.len();
@@ -148,7 +185,7 @@ fn least_area(mesh: &TriMesh, adjacency: &Adjacency, walk: &[VertexId]) -> Optio
         j == i + 1 || (i == 0 && j == n - 1) || !adjacency.ring(rim[i]).contains(&rim[j])
     };
     let at: Vec<DVec3> = rim.iter().map(|&v| mesh.positions[v]).collect();
-    let triangles = triangles_of_least_area(&at, is_free)?;
+    let triangles = triangles_of_least(&at, is_free, cost)?;
     Some(triangles.into_iter().map(|t| t.map(|k| rim[k])).collect())
 }
 
@@ -158,6 +195,14 @@ fn least_area(mesh: &TriMesh, adjacency: &Adjacency, walk: &[VertexId]) -> Optio
 pub fn triangles_of_least_area(
     at: &[DVec3],
     is_free: impl Fn(usize, usize) -> bool,
+) -> Option<Vec<[usize; 3]>> {
+    triangles_of_least(at, is_free, area)
+}
+
+fn triangles_of_least(
+    at: &[DVec3],
+    is_free: impl Fn(usize, usize) -> bool,
+    cost_of: impl Fn([DVec3; 3]) -> f64,
 ) -> Option<Vec<[usize; 3]>> {
     let n = at.len();
     let mut cost = vec![f64::INFINITY; n * n];
@@ -172,8 +217,7 @@ pub fn triangles_of_least_area(
                 continue;
             }
             for k in i + 1..j {
-                let area = 0.5 * triangle_cross([at[i], at[k], at[j]]).length();
-                let total = cost[i * n + k] + cost[k * n + j] + area;
+                let total = cost[i * n + k] + cost[k * n + j] + cost_of([at[i], at[k], at[j]]);
                 if total < cost[i * n + j] {
                     (cost[i * n + j], apex[i * n + j]) = (total, k);
                 }

@@ -26,10 +26,10 @@ pub use error::FARTHEST;
 pub use error::MeshError;
 pub(crate) use error::{is_within_reach, too_many};
 pub use fill_holes::FillHoles;
-#[cfg(feature = "robots")]
-pub(crate) use fill_holes::fill_shorter;
 pub use fill_holes::triangles_of_least_area;
 pub(crate) use fill_holes::{fill_holes, fillings};
+#[cfg(feature = "robots")]
+pub(crate) use fill_holes::{fill_loops, fill_shorter};
 pub(crate) use geometry::{angle, cotangent, loop_length, parts, surface_normals};
 pub use geometry::{is_rigid, mean_edge_length};
 pub use geometry::{is_rotation, rectangle_around, rotation_defect};

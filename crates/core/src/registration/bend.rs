@@ -17,8 +17,8 @@ const STEPS: [u32; 4] = [1, 2, 4, 8];
 pub(super) enum Bent {
     /// One to one as before, with the number of steps.
     Done(IdVec<VertexId, DVec2>, u32),
-    /// It folds, first near this place.
-    Folds(DVec2),
+    /// It folds near these places, first near the first.
+    Folds(Vec<DVec2>),
 }
 
 /// Bends a map of a mesh, which has no flips, so that each landmark and each vertex of `banks` comes to its place. Those of
@@ -33,9 +33,9 @@ pub(super) fn bend(
     let vertices: Vec<VertexId> = held.iter().map(|&(v, _)| v).collect();
     let bending = Bending::new(&mesh.triangles, map, &vertices)?;
     let crossings = distortion(mesh, map).crossings;
-    let mut folds = None;
+    let mut folds = Vec::new();
     for steps in STEPS {
-        let (mut uv, mut fold) = (map.clone(), None);
+        let (mut uv, mut found) = (map.clone(), Vec::new());
         for step in 0..steps {
             let share = 1.0 / f64::from(steps - step);
             let moves: Vec<_> = held.iter().map(|&(v, to)| (v, share * (to - uv[v]))).collect();
@@ -43,33 +43,38 @@ pub(super) fn bend(
             match bending.displacement(&uv, &moves) {
                 Ok(by) => uv.iter_mut().zip(&by).for_each(|(at, by)| *at += *by),
                 Err(SparseError::NotPositiveDefinite { .. } | SparseError::NotFinite { .. }) => {
-                    fold = Some(held[0].1);
+                    found = vec![held[0].1];
                     break;
                 }
                 Err(other) => return Err(other),
             }
-            fold = first_flip(mesh, &uv);
-            if fold.is_some() {
+            found = flips(mesh, &uv).collect();
+            if !found.is_empty() {
                 break;
             }
         }
         // The last step is exact but for rounding.
         held.iter().for_each(|&(v, to)| uv[v] = to);
-        match fold.or_else(|| first_flip(mesh, &uv)) {
-            None if distortion(mesh, &uv).crossings <= crossings => return Ok(Bent::Done(uv, steps)),
-            None if moved_apart(mesh, &mut uv, &vertices[..landmarks.len()])?
+        if found.is_empty() {
+            found = flips(mesh, &uv).collect();
+        }
+        match found[..] {
+            [] if distortion(mesh, &uv).crossings <= crossings => return Ok(Bent::Done(uv, steps)),
+            [] if moved_apart(mesh, &mut uv, &vertices[..landmarks.len()])?
                 && distortion(mesh, &uv).crossings <= crossings =>
             {
                 return Ok(Bent::Done(uv, steps));
             }
-            None => {
-                let crossing = crossing_vertices(&boundary_edges(mesh), &uv);
-                folds = Some(crossing.first().map_or(held[0].1, |&v| uv[v]));
+            [] => {
+                folds = crossing_vertices(&boundary_edges(mesh), &uv).into_iter().map(|v| uv[v]).collect();
+                if folds.is_empty() {
+                    folds.push(held[0].1);
+                }
             }
-            Some(at) => folds = Some(at),
+            _ => folds = found,
         }
     }
-    Ok(Bent::Folds(folds.unwrap_or_default()))
+    Ok(Bent::Folds(folds))
 }
 
 /// How often rims that cross are moved apart, each time by half an edge at most.
@@ -120,9 +125,14 @@ fn moved_apart(
 
 /// The middle of the first face that does not keep its orientation.
 pub(super) fn first_flip(mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> Option<DVec2> {
+    flips(mesh, uv).next()
+}
+
+/// The middles of the faces that do not keep their orientation.
+fn flips(mesh: &TriMesh, uv: &IdVec<VertexId, DVec2>) -> impl Iterator<Item = DVec2> {
     let corners = |face: FaceId| mesh.triangles[face].map(|v| uv[v]);
-    let flipped = mesh.triangles.ids().map(corners).find(|corners| !keeps_orientation(*corners))?;
-    Some(flipped.into_iter().sum::<DVec2>() / 3.0)
+    let flipped = mesh.triangles.ids().map(corners).filter(|corners| !keeps_orientation(*corners));
+    flipped.map(|corners| corners.into_iter().sum::<DVec2>() / 3.0)
 }
 
 #[cfg(test)]

@@ -6,6 +6,9 @@
 #[non_exhaustive]
 #[expect(missing_docs, reason = "the messages say what the fields are")]
 pub enum RegistrationError {
+    /// The run was cancelled.
+    #[error(transparent)]
+    Cancelled(#[from] crate::run::Cancelled),
     /// An id that does not name one taxel.
     #[error("{landmark}: {found} taxels of {whose} have the id {id}; one is needed")]
     NoTaxel { landmark: String, id: u32, found: usize, whose: String },

@@ -69,7 +69,7 @@ impl Landmarks {
             let (taxel, atlas) = (of(0, "the skin")?, of(1, "the atlas")?);
             Ok(Landmark { name, taxel, atlas })
         };
-        Ok(Self::Taxels(pairs.iter().enumerate().map(landmark).collect::<Result<_, _>>()?))
+        Ok(Self::Taxels(pairs.iter().enumerate().map(landmark).collect::<Result<_, RegistrationError>>()?))
     }
 }
 

@@ -9,7 +9,7 @@
 //! 2. **Bend**: what each landmark still misses is its displacement; the biharmonic field continues it over the map
 //!    (`field`). Rims that come to cross each other, as those of two fingers, are moved apart. Where one step folds a
 //!    face or that does not help, the map is bent in up to eight, each on the map of the last; where that folds, too, the
-//!    landmark nearest to the fold is left out.
+//!    landmark nearest to the fold is left out, and, where eight are, those nearest to the most folds at once.
 //!    A closed skin whose seam has the shape of that of its atlas is bent so that its banks, too, come to those of the atlas
 //!    (`banks`), unless that folds the map.
 //! 3. **Levels**: a coarser level is placed alike, and each vertex moves as the taxel at its centre. Where that folds,
@@ -57,6 +57,7 @@ use crate::id::{IdVec, VertexId};
 use crate::map::{OnAtlas, OnPatch, PatchMap, SkinMap};
 use crate::mesh::{TriMesh, boundary_loops};
 use crate::pyramid::LevelId;
+use crate::run::Run;
 pub use contradict::Doubt;
 pub use error::RegistrationError;
 pub use landmarks::{Landmark, Landmarks};
@@ -166,14 +167,16 @@ impl Registered {
 /// patches is not known afterwards: [`SkinMap::body`] is empty.
 ///
 /// # Errors
-/// If landmarks contradict each other or lie on a seam, no patch has four, a map has flips, or it folds. The map is then
-/// as it was.
-pub fn register(map: &mut SkinMap, onto: &Onto<'_>) -> Result<Registered, RegistrationError> {
+/// If landmarks contradict each other or lie on a seam, no patch has four, a map has flips, it folds, or the run is
+/// cancelled. The map is then as it was.
+pub fn register(map: &mut SkinMap, onto: &Onto<'_>, run: Run<'_>) -> Result<Registered, RegistrationError> {
+    run.check()?;
     let &Onto { atlas, is_mirrored, .. } = onto;
     let all = marks_of(map, atlas, onto.landmarks, is_mirrored)?;
     let mut registered = Registered::default();
     let mut patches = Vec::new();
     for (patch, marks) in map.patches.iter().zip(all) {
+        run.check()?;
         let found = marks.marks.len();
         if found < FEWEST {
             registered.left_out.push((patch.name.clone(), found));
@@ -188,7 +191,7 @@ pub fn register(map: &mut SkinMap, onto: &Onto<'_>) -> Result<Registered, Regist
         let of_atlas = &atlas.patches[marks.atlas].levels[LevelId::new(0)];
         let banks = bank_marks(finest, &placed[0], of_atlas, is_mirrored);
         let BentPatch { uv, landmarks, folding, steps, doubtful } =
-            bend_patch(patch, &placed[0], &marks.marks, &banks)?;
+            bend_patch(patch, &placed[0], &marks.marks, &banks, run)?;
         let mut bent = patch.clone();
         bend_levels(&mut bent, placed, uv);
         let name = atlas.patches[marks.atlas].name.clone();
@@ -240,12 +243,19 @@ struct BentPatch {
 /// *Heuristic*
 const BANKS: [usize; 2] = [2, 8];
 
+/// So many landmarks that fold are left out one by one, each for a bend of the map. Then one in [`AT_ONCE`] of those left is,
+/// each time: hundreds of landmarks that fold took a bend each. *Heuristic*: few wrong landmarks cost no right one, and 400
+/// end after at most 40 bends.
+const ONE_BY_ONE: usize = 8;
+const AT_ONCE: usize = 8;
+
 /// The finest map bent, with as many of the landmarks as keep it from folding, and with the banks of its seam.
 fn bend_patch(
     patch: &PatchMap,
     placed: &IdVec<PlaceId, DVec2>,
     marks: &[Mark],
     banks: &[(PlaceId, DVec2)],
+    run: Run<'_>,
 ) -> Result<BentPatch, RegistrationError> {
     let finest = &patch.levels[LevelId::new(0)];
     let mesh = &*finest.opened();
@@ -271,22 +281,44 @@ fn bend_patch(
     }
     let mut folding = Vec::new();
     loop {
+        run.step()?;
         match bend(mesh, &placed, &held(&marks), &[]).map_err(system)? {
             Bent::Done(uv, steps) => {
                 let (uv, landmarks) = (uv.reindexed(), marks.len());
                 return Ok(BentPatch { uv, landmarks, folding, steps, doubtful });
             }
-            Bent::Folds(at) => {
-                let far = |mark: &&Mark| mark.to.distance_squared(at);
-                let near = (0..marks.len()).min_by(|&a, &b| far(&marks[a]).total_cmp(&far(&marks[b])));
-                let name = near.map(|near| marks.remove(near).name.clone()).unwrap_or_default();
-                if marks.len() < FEWEST {
-                    return Err(RegistrationError::Folds { patch: patch.name.clone(), landmark: name });
+            Bent::Folds(places) => {
+                let most = if folding.len() < ONE_BY_ONE { 1 } else { marks.len().div_ceil(AT_ONCE) };
+                for near in nearest_marks(&marks, &places, most) {
+                    let name = marks.remove(near).name.clone();
+                    if marks.len() < FEWEST {
+                        return Err(RegistrationError::Folds { patch: patch.name.clone(), landmark: name });
+                    }
+                    folding.push(name);
                 }
-                folding.push(name);
             }
         }
     }
+}
+
+/// The landmarks next to folds, at most so many, the last one first: the one that is nearest to the first fold, or those
+/// that are nearest to most folds.
+fn nearest_marks(marks: &[&Mark], folds: &[DVec2], most: usize) -> Vec<usize> {
+    let nearest = |at: &DVec2| {
+        let far = |k: &usize| marks[*k].to.distance_squared(*at);
+        (0..marks.len()).min_by(|a, b| far(a).total_cmp(&far(b)))
+    };
+    if most <= 1 {
+        return folds.first().and_then(nearest).into_iter().collect();
+    }
+    let mut counts = vec![0_usize; marks.len()];
+    folds.iter().filter_map(nearest).for_each(|k| counts[k] += 1);
+    let mut all: Vec<usize> = (0..marks.len()).filter(|&k| counts[k] > 0).collect();
+    // Stable: of equal counts the first landmarks.
+    all.sort_by_key(|&k| std::cmp::Reverse(counts[k]));
+    all.truncate(most);
+    all.sort_unstable_by(|a, b| b.cmp(a));
+    all
 }
 
 /// Gives every level its map: the finest is `uv`, a coarser one is placed and moves with the taxels at its vertices.

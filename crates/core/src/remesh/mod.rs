@@ -22,6 +22,7 @@ mod clip;
 mod crumbs;
 mod divide;
 mod faces;
+mod holes;
 mod joints;
 mod lost;
 mod moves;
@@ -44,6 +45,7 @@ use crate::mesh::{
     FillHoles, Halfedge, HalfedgeMesh, MeshError, TriMesh, fill_holes, fill_shorter, triangle_cross,
 };
 use crate::remesh::faces::{FLAT, Thin, height};
+use crate::remesh::holes::{Filled, cover_skin};
 use crate::remesh::joints::follow_links;
 use crate::remesh::lost::{lost, pin};
 use crate::remesh::moves::sharp_neighbours;
@@ -288,10 +290,14 @@ pub struct Remeshed {
     /// The patches with points of the surface farther than a spacing from the new mesh, and how far the farthest is,
     /// in m: parts thinner than the spacing may be lost.
     pub shrunk: Vec<(String, f64)>,
+    /// The patches with holes that were filled and are open now, since more than 1000 taxels are around them or each
+    /// triangulation needs an edge that is there already, and how many.
+    pub unfilled: Vec<(String, usize)>,
 }
 
 /// Remeshes every patch of a skin, each with its spacing (m); see [`remesh`]. The taxels are new ones at
-/// other positions; of the old ones only the links that they follow are kept, with weights interpolated linearly.
+/// other positions; of the old ones only the links that they follow are kept, with weights interpolated linearly. Holes
+/// that are filled ([`Patch::filled`]) are filled again, without taxels in them.
 ///
 /// # Errors
 /// As [`remesh`], with the name of the first such patch, and if it is cancelled.
@@ -305,19 +311,19 @@ pub fn remesh_skin(skin: &Skin, spacings: &[f64], run: Run<'_>) -> Result<Remesh
         patches.into_iter().partition(|(patch, spacing)| patch.mesh.area() >= least_area(*spacing));
     let fresh = |&(patch, spacing): &(&Patch, f64)| {
         run.check()?;
-        let Covered { mesh, lost } = cover(&patch.mesh, spacing)?;
-        let mut fresh = Patch::from_mesh(patch.name.clone(), patch.link, mesh);
+        let Filled { covered: Covered { mesh, lost }, faces, open } = cover_skin(patch, spacing)?;
+        let mut fresh = Patch { filled: faces, ..Patch::from_mesh(patch.name.clone(), patch.link, mesh) };
         follow_links(&mut fresh, patch)?;
-        Ok((fresh, lost.1))
+        Ok((fresh, lost.1, open))
     };
-    let made: Vec<Result<(Patch, f64), RemeshError>> = large.par_iter().map(fresh).collect();
+    let made: Vec<Result<(Patch, f64, usize), RemeshError>> = large.par_iter().map(fresh).collect();
     run.check()?;
     let mut left_out: Vec<String> = small.iter().map(|(patch, _)| patch.name.clone()).collect();
-    let (mut patches, mut shrunk) = (IdVec::default(), Vec::new());
+    let (mut patches, mut shrunk, mut unfilled) = (IdVec::default(), Vec::new(), Vec::new());
     let mut id = 0_u32;
     for (made, (old, spacing)) in made.into_iter().zip(&large) {
         let in_patch = |e| RemeshError::Patch { patch: old.name.clone(), source: Box::new(e) };
-        let (mut patch, farthest) = made.map_err(in_patch)?;
+        let (mut patch, farthest, open) = made.map_err(in_patch)?;
         if patch.mesh.area() < least_area(*spacing) {
             left_out.push(patch.name);
             continue;
@@ -325,13 +331,16 @@ pub fn remesh_skin(skin: &Skin, spacings: &[f64], run: Run<'_>) -> Result<Remesh
         if farthest > *spacing {
             shrunk.push((patch.name.clone(), farthest));
         }
+        if open > 0 {
+            unfilled.push((patch.name.clone(), open));
+        }
         for own in patch.taxels.ids.iter_mut() {
             id = id.saturating_add(1);
             *own = TaxelId(id);
         }
         patches.push(patch);
     }
-    Ok(Remeshed { skin: Skin { patches, ..skin.clone() }, left_out, shrunk })
+    Ok(Remeshed { skin: Skin { patches, ..skin.clone() }, left_out, shrunk, unfilled })
 }
 
 #[cfg(test)]

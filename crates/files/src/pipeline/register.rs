@@ -7,6 +7,7 @@ use crate::pipeline::attempts::keep_held;
 use crate::pipeline::options::{BuildOptions, Numbers};
 use crate::pipeline::{Built, enlarge_pixels};
 use crate::registration::{Onto, Registered, register};
+use crate::run::Run;
 use crate::skin::Skin;
 
 impl Built {
@@ -20,6 +21,7 @@ impl Built {
         skin: &Skin,
         options: &BuildOptions,
         onto: &Onto<'_>,
+        run: Run<'_>,
     ) -> Result<Registered, Error> {
         let mut map = (*self.map).clone();
         let before: Vec<(String, (usize, bool))> = map
@@ -28,7 +30,7 @@ impl Built {
             .zip(self.left_out.iter().zip(&self.by_dirichlet))
             .map(|(patch, (&left_out, &by_dirichlet))| (patch.name.clone(), (left_out, by_dirichlet)))
             .collect();
-        let mut registered = register(&mut map, onto)?;
+        let mut registered = register(&mut map, onto, run)?;
         let mut made = Vec::new();
         for patch in map.patches.iter_mut() {
             // Tangents that the skin does not state are those of the map.
