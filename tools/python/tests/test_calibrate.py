@@ -224,6 +224,26 @@ def test_touches_are_those_of_the_command(arm):
         assert np.array_equal(found.positions, expected.positions) and np.array_equal(found.covariances, expected.covariances)
 
 
+def test_a_log_and_a_drawing_give_the_skin_of_the_command(arm):
+    at, columns = arm
+    names, *rows = [line.split(",") for line in (at / "truth.csv").read_text().splitlines()]
+    truth = [dict(zip(names, map(float, row))) for row in rows]
+    # Mounted 6 mm from where it is drawn, and a patch that nothing touches.
+    drawn = [f"{row['id']:.0f},{int(row['x'] > 0)},skin,{row['x'] - 6e-3},{row['y']},{row['z']},{row['nx']},{row['ny']},{row['nz']}" for row in truth]
+    drawn += [f"{900 + k},9,far,{0.4 + 5e-3 * (k % 3)},{5e-3 * (k // 3)},0,0,0,1" for k in range(9)]
+    (at / "parts.csv").write_text("taxel_id,module,patch,x,y,z,nx,ny,nz\n" + "\n".join(drawn) + "\n")
+    command(at, "touches log.csv --skin parts.csv -o of_parts.csv")
+    command(at, "calibrate of_parts.csv --cad parts.csv -o command.csv")
+    for log, skin in ((at / "log.csv", at / "parts.csv"), (columns, dermatome.Skin.read(at / "parts.csv"))):
+        contacts, _ = dermatome.touches(log, skin=skin)
+        found = dermatome.calibrate(contacts, cad=at / "parts.csv")
+        found.write(at / "python.csv")
+        assert (at / "python.csv").read_bytes() == (at / "command.csv").read_bytes()
+    touched = [k for k, i in enumerate(found.ids) if i < 900]
+    off = [np.linalg.norm(found.positions[k] - [truth[n][axis] for axis in "xyz"]) for n, k in enumerate(touched)]
+    assert len(off) == 60 and np.sqrt(np.mean(np.square(off))) < 2e-3
+
+
 def test_readings_poses_and_drawings_may_be_apart(arm):
     at, columns = arm
     frames, ids = len(columns["px"]), range(1, 61)

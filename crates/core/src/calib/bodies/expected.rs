@@ -187,7 +187,8 @@ mod tests {
     }
 
     fn placed(cad: &CadSkin) -> Vec<PlacedTaxel> {
-        let hierarchy = Hierarchy::new(cad);
+        let touches = Touches::new(&Observations::default(), cad, &BodyOptions::default()).unwrap();
+        let hierarchy = Hierarchy::new(cad, &touches);
         hierarchy.positions.ids().map(|v| Placement::drawn(&hierarchy).taxel(&hierarchy, v)).collect()
     }
 

@@ -64,7 +64,7 @@ impl Assembled {
         touches: &Touches,
         run: Run<'_>,
     ) -> Result<Self, CalibError> {
-        let drawn = Hierarchy::new(cad);
+        let drawn = Hierarchy::new(cad, touches);
         let from = start(options, &drawn, touches, run)?;
         let mounted = solve(options, BodyLevel::Mount, &drawn, touches, from, run)?;
         let mut hierarchy = drawn.clone();

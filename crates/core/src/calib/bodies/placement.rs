@@ -5,7 +5,7 @@ use glam::{DMat3, DQuat, DVec3};
 
 use super::cad::{CadSkin, ModuleId};
 use super::options::{BodyLevel, BodyOptions, Tolerance};
-use super::touches::Touch;
+use super::touches::{Touch, Touches};
 use crate::calib::pose::{exp, hat};
 use crate::id::{IdVec, VertexId, define_id};
 
@@ -31,6 +31,8 @@ pub(super) struct Hierarchy {
     /// Unit normals; zero where they are not known.
     pub(super) normals: IdVec<VertexId, DVec3>,
     modules: IdVec<VertexId, ModuleId>,
+    /// Whether a taxel of the module is touched.
+    is_touched: IdVec<ModuleId, bool>,
     /// The bodies of every module.
     pub(super) chains: IdVec<ModuleId, Chain>,
     pub(super) levels: IdVec<BodyId, BodyLevel>,
@@ -38,7 +40,7 @@ pub(super) struct Hierarchy {
 }
 
 impl Hierarchy {
-    pub(super) fn new(cad: &CadSkin) -> Self {
+    pub(super) fn new(cad: &CadSkin, touches: &Touches) -> Self {
         let mut levels: IdVec<BodyId, BodyLevel> = IdVec::default();
         let mount = levels.push(BodyLevel::Mount);
         let patches = cad.patches.map(|_| levels.push(BodyLevel::Patch));
@@ -46,7 +48,12 @@ impl Hierarchy {
             let body = levels.push(BodyLevel::Module);
             [mount, patches[module.patch], body]
         });
+        let mut is_touched = cad.modules.map(|_| false);
+        for &(v, _) in touches.all.iter().flat_map(|touch| &touch.taxels) {
+            is_touched[cad.taxels[v].module] = true;
+        }
         let mut hierarchy = Self {
+            is_touched,
             positions: cad.taxels.map(|t| t.position),
             normals: cad.taxels.map(|t| t.normal.unwrap_or(DVec3::ZERO)),
             modules: cad.taxels.map(|t| t.module),
@@ -58,17 +65,31 @@ impl Hierarchy {
         hierarchy
     }
 
-    /// Moves the centre of every body to the mean of its taxels.
+    /// Moves the centre of every body to the mean of its taxels, of the mount to that of the patches that are touched: others have
+    /// no part in its motion.
     pub(super) fn find_centres(&mut self) {
+        let is_touched = self.touched();
         let mut sums = self.levels.map(|_| (DVec3::ZERO, 0.0));
         for (v, &position) in self.positions.enumerate() {
-            for body in self.chain(v) {
+            let [mount, patch, module] = self.chain(v);
+            let bodies =
+                [patch, module].into_iter().chain((is_touched[patch] == is_touched[mount]).then_some(mount));
+            for body in bodies {
                 sums[body].0 += position;
                 sums[body].1 += 1.0;
             }
         }
         // A patch may have no module.
         self.centres = sums.map(|(sum, count)| *sum / f64::max(*count, 1.0));
+    }
+
+    /// Whether a taxel that the body carries is touched.
+    pub(super) fn touched(&self) -> IdVec<BodyId, bool> {
+        let mut bodies = self.levels.map(|_| false);
+        for (chain, &is_touched) in self.chains.iter().zip(&self.is_touched) {
+            chain.iter().for_each(|&body| bodies[body] |= is_touched);
+        }
+        bodies
     }
 
     pub(super) fn chain(&self, taxel: VertexId) -> Chain {

@@ -34,8 +34,8 @@ const TOLERANCE_ESTIMATES: usize = 4;
 const CONTINUED_STAGES: usize = 3;
 const CONTINUED_STEPS: usize = 4;
 
-/// Most steps of the last stage. Its weights change a few times at most.
-const MOST_LAST_STEPS: usize = 30;
+/// Most steps of the last stage. It converges by a half with each where touches say little of some direction: 28 are usual then.
+const MOST_LAST_STEPS: usize = 100;
 
 /// A step below this, in m and rad, ends a stage.
 const SMALL_STEP: f64 = 1e-6;
@@ -154,16 +154,18 @@ impl<'f> Fit<'f> {
         Ok(at.placement)
     }
 
-    /// The tolerances of patches and modules that explain best how far they moved: the mean square of the motions, with
-    /// what is not known of them, and of what is believed before.
+    /// The tolerances of patches and modules that explain best how far those moved that are touched: the mean square of the motions,
+    /// with what is not known of them, and of what is believed before.
     fn tolerances(&self, at: &At, given: &BodyOptions) -> Result<BodyOptions, CalibError> {
         let factor = self.system.factor(&self.system.linearise(&at.placement, &self.weights(at)))?;
         let inverse = factor.selected_inverse();
+        let is_touched = self.system.hierarchy.touched();
         let learned = |level: BodyLevel, given: Tolerance| {
             let believed = BELIEVED_SHARE * BELIEVED_SHARE * BELIEVED_COUNT;
             let mut squares = [given.translation, given.rotation].map(|sigma| believed * sigma * sigma);
             let mut count = BELIEVED_COUNT;
-            let of_level = self.system.hierarchy.levels.enumerate().filter(|(_, of)| **of == level);
+            let levels = self.system.hierarchy.levels.enumerate();
+            let of_level = levels.filter(|&(body, of)| *of == level && is_touched[body]);
             for (body, row) in of_level.filter_map(|(body, _)| Some((body, self.system.row(body)?))) {
                 let (moved, unknown) = (deviation(&at.placement, body), inverse.diagonal::<BLOCK>(row));
                 (0..BLOCK).for_each(|k| squares[k / 3] += moved[k] * moved[k] + unknown[k][k]);
