@@ -157,20 +157,16 @@ pub fn fit_bodies_with(
             solved.learned.patch = learned.patch;
         }
     }
-    // A tolerance that was learned from few bodies is too small as often as too large: the larger one is certain.
-    let certain = BodyOptions {
-        patch: options.patch.larger(solved.learned.patch),
-        module: options.module.larger(solved.learned.module),
-        ..*options
-    };
-    let system = BodySystem::new(&certain, level, &hierarchy, &touches)?;
+    // A tolerance that was learned from few bodies is too small as often as too large.
+    let certain = &solved.certain;
+    let system = BodySystem::new(certain, level, &hierarchy, &touches)?;
     let factor = system.factor(&system.linearise(&solved.placement, &solved.weights))?;
     let covariances = covariances(&system, &factor, &solved.placement)?;
     let prior = system.prior_chi2(&solved.placement);
     let fit = result::Fit {
         cad,
         options,
-        certain: &certain,
+        certain,
         level,
         hierarchy: &hierarchy,
         touches: &touches,
