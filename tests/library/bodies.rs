@@ -711,6 +711,41 @@ fn wrong_touches_are_rejected() {
     }
 }
 
+/// Touches in the middle of a module do not tell whether it is turned, and one wrong touch at its corner, 60 mm away, does not decide.
+#[test]
+fn one_wrong_touch_turns_no_module() {
+    let drawn = Drawn::new(10);
+    let spoil = Spoil { mount: [10.0, 3.0], patch: [1.0, 1.0], module: [1.0, 1.0], turned: None };
+    let mut random = Random(9);
+    let truth = drawn.spoiled(&mut random, &spoil, |module| module);
+    let probe = Probe { noise: 1e-3, ..STILL };
+    let mut observations = touches(&truth, &mut random, (0..10).filter(|&module| module != 3), 20, probe, 1);
+    let taxels = &truth.modules[3];
+    let centre = taxels.iter().sum::<DVec3>() / TAXELS as f64;
+    let own: Vec<VertexId> = (0..TAXELS)
+        .map(|k| {
+            let id = taxel_id(3, k);
+            observations.taxels.push(TaxelVariable { id, initial: None, fixed: false })
+        })
+        .collect();
+    // Beyond where a corner is after a third of a turn.
+    let wrong = taxels[TAXELS - 1] + 0.06 * (taxels[TAXELS - 1] - centre).normalize();
+    for touch in 0..6 {
+        let (felt, position) =
+            if touch == 0 { (0..1, wrong) } else { (0..TAXELS, centre + random.vector(1e-3)) };
+        for k in felt {
+            let measurement =
+                ContactMeasurement::Position { position, information: Information::diagonal([1e6; 3]) };
+            observations.contacts.push(ContactObservation { taxel: own[k], measurement });
+            let touch = Some(5000 + touch);
+            observations.touches.push(TouchRow { touch, contact: touch, ..TouchRow::default() });
+        }
+    }
+    let found = fit_bodies(&observations, &drawn.cad(), &tolerant(&spoil)).unwrap();
+    assert_eq!(found.misassembled, Default::default());
+    assert_eq!(found.rejected.len(), 1, "{:?}", found.rejected);
+}
+
 /// The touches one by one, as a stream has them.
 fn one_by_one(all: &Observations) -> Vec<Observations> {
     let mut touches: Vec<Observations> = Vec::new();

@@ -214,6 +214,94 @@ fn power(depth: f64, power: f64) -> (f64, f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::response::contact::View;
+    use crate::response::press::PressFrame;
+
+    /// What is left of a press is a difference of sums. Errors of the model bound how exact readings are, so that rounding is far below
+    /// the information of the prior of gains, 6: as from orthogonal columns (Gram and Schmidt, twice), which lose no digit. So the system of the taxels
+    /// always has a factor.
+    #[test]
+    fn what_is_left_of_a_press_is_that_of_orthogonal_columns() {
+        let common = Common { log_blur: libm::log(1.3e-3), power: 0.9, depth: [libm::log(1e-3), 0.2] };
+        let shape = Shape { log_radius: libm::log(0.01), oval: [0.1, -0.05] };
+        let along = |k: usize| 4e-3 * (k as f64 - 2.0);
+        let view = |t: usize, m: usize| View {
+            at: [along(m / 5) + 1e-3 * t as f64, along(m % 5), 1e-5 * m as f64],
+            slope: [0.02, -0.01],
+        };
+        let pose =
+            |t: usize| Pose { at: [3e-4, -2e-4 * t as f64], log_depth: libm::log(5e-4 + 4e-4 * t as f64) };
+        let state = State { poses: (0..4).map(pose).collect(), shape };
+        let logs: Vec<f64> = (0..25).map(|m| libm::log(1e3) + 0.3 * libm::sin(m as f64)).collect();
+        let blur = libm::exp(common.log_blur);
+        let read = |t: usize, m: usize| {
+            libm::exp(logs[m]) * power(sensed(&view(t, m), &pose(t), &shape, blur).0, common.power).0
+        };
+        let frame = |t: usize| PressFrame {
+            views: (0..25).map(|m| view(t, m)).collect(),
+            readings: (0..25).map(|m| read(t, m)).collect(),
+        };
+        let press = Press { taxels: (0..25).collect(), frames: (0..4).map(frame).collect() };
+        for noise in [2e-3, 1e-12] {
+            let reduced = reduce(&press, &state, &common, &logs, &[noise; 25]).unwrap();
+            // One column for each unknown of the press, then of the others.
+            let (own, others) = (15, 25 + SHARED);
+            let mut rows: Vec<Vec<f64>> = Vec::new();
+            let mut row = |cells: &[(usize, f64)]| {
+                let mut row = vec![0.0; own + others];
+                cells.iter().for_each(|&(k, x)| row[k] = x);
+                rows.push(row);
+            };
+            for (t, m) in (0..4).flat_map(|t| (0..25).map(move |m| (t, m))) {
+                let (depth, by) = sensed(&view(t, m), &pose(t), &shape, blur);
+                let (response, slope) = power(depth, common.power);
+                let (scale, predicted) = (libm::exp(logs[m]), libm::exp(logs[m]) * response);
+                let root = noise.hypot(MODEL_ERROR * predicted).recip();
+                let wider = sensed(&view(t, m), &pose(t), &shape, libm::exp(common.log_blur + BLUR_STEP)).0;
+                let mut cells: Vec<(usize, f64)> = by
+                    .iter()
+                    .enumerate()
+                    .map(|(k, x)| (if k < 3 { 3 * t + k } else { 12 + k - 3 }, root * scale * slope * x))
+                    .collect();
+                cells.push((own + m, root * predicted));
+                cells.push((own + 25, root * scale * slope * (wider - depth) / BLUR_STEP));
+                let log = libm::log(depth.max(LINEAR_DEPTH) / UNIT_DEPTH);
+                cells.push((own + 26, root * predicted * log));
+                row(&cells);
+            }
+            for t in 0..4 {
+                (0..2).for_each(|k| row(&[(3 * t + k, POSITION.recip())]));
+                row(&[(3 * t + 2, 1e-3)]);
+                if t > 0 {
+                    row(&[(3 * t - 1, -DEPTH_STEP.recip()), (3 * t + 2, DEPTH_STEP.recip())]);
+                }
+            }
+            row(&[2, 5, 8, 11].map(|k| (k, 0.25 / common.depth[1])));
+            row(&[(12, LOG_RADIUS.recip())]);
+            (13..15).for_each(|k| row(&[(k, OVAL.recip())]));
+            for k in 0..own {
+                let squares: f64 = rows.iter().map(|row| row[k] * row[k]).sum();
+                let mut damped = vec![0.0; own + others];
+                damped[k] = (DAMPING * squares).sqrt();
+                rows.push(damped);
+            }
+            for k in 0..own + others {
+                for j in (0..own.min(k)).chain(0..own.min(k)) {
+                    let both: f64 = rows.iter().map(|row| row[j] * row[k]).sum();
+                    rows.iter_mut().for_each(|row| row[k] -= both * row[j]);
+                }
+                if k < own {
+                    let length = rows.iter().map(|row| row[k] * row[k]).sum::<f64>().sqrt();
+                    rows.iter_mut().for_each(|row| row[k] /= length);
+                }
+            }
+            let exact = |a: usize, b: usize| rows.iter().map(|row| row[own + a] * row[own + b]).sum::<f64>();
+            let pairs = (0..others).flat_map(|a| (0..others).map(move |b| (a, b)));
+            let off = pairs.map(|(a, b)| (reduced.matrix[a * others + b] - exact(a, b)).abs());
+            let worst = off.fold(0.0, f64::max);
+            assert!(worst < 1e-5, "{worst} with a noise of {noise}");
+        }
+    }
 
     #[test]
     fn powers_have_their_derivatives() {

@@ -23,8 +23,8 @@
 //! ```
 //!
 //! What touches of 3 mm noise per axis reach, 20 for each of 40 modules that are 5 mm and 5 degrees from the drawing, mean of 20
-//! skins (`tests/library/bodies.rs`): centres within 1.15 mm, rotations within 1.8 degrees per axis on modules of 84 mm and 2.1 on modules of
-//! 60 mm, squared errors 0.99 of their covariances. Rotations are worse on smaller modules: touches of 20 mm of skin determine badly
+//! skins (`tests/library/bodies.rs`): centres within 1.17 mm, rotations within 1.8 degrees per axis on modules of 84 mm and 2.1 on modules of
+//! 60 mm, squared errors 0.97 of their covariances. Rotations are worse on smaller modules: touches of 20 mm of skin determine badly
 //! how it is turned.
 //!
 //! Guaranteed: the same result on any number of threads; a module without a touch keeps its drawn pose relative to
@@ -157,20 +157,16 @@ pub fn fit_bodies_with(
             solved.learned.patch = learned.patch;
         }
     }
-    // A tolerance that was learned from few bodies is too small as often as too large: the larger one is certain.
-    let certain = BodyOptions {
-        patch: options.patch.larger(solved.learned.patch),
-        module: options.module.larger(solved.learned.module),
-        ..*options
-    };
-    let system = BodySystem::new(&certain, level, &hierarchy, &touches)?;
+    // A tolerance that was learned from few bodies is too small as often as too large.
+    let certain = &solved.certain;
+    let system = BodySystem::new(certain, level, &hierarchy, &touches)?;
     let factor = system.factor(&system.linearise(&solved.placement, &solved.weights))?;
     let covariances = covariances(&system, &factor, &solved.placement)?;
     let prior = system.prior_chi2(&solved.placement);
     let fit = result::Fit {
         cad,
         options,
-        certain: &certain,
+        certain,
         level,
         hierarchy: &hierarchy,
         touches: &touches,

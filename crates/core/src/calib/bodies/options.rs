@@ -24,14 +24,6 @@ impl Tolerance {
             JointMotion::Slides => self.translation,
         }
     }
-
-    /// The larger of two in either.
-    pub(super) fn larger(self, other: Self) -> Self {
-        Self {
-            translation: self.translation.max(other.translation),
-            rotation: self.rotation.max(other.rotation),
-        }
-    }
 }
 
 /// The bodies of a skin, each carried by the one before.
