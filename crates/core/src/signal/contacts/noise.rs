@@ -102,17 +102,17 @@ impl Threshold {
         let Self::Learning(kept) = self else { return false };
         let taxels = neighbours.len();
         let frames = kept.len() / taxels.max(1);
-        if frames < 2 {
+        if frames < 2 || kept.iter().all(|x| !x.is_finite()) {
             *self = Self::Unknown;
             return false;
         }
         let is_about_zero = options.rest == Rest::AtZero;
-        let is_moving = !is_about_zero && is_moving(kept, neighbours);
+        let is_moving = is_moving(kept, neighbours);
         if !is_about_zero {
             let of_all = rest.iter_mut().flat_map(|patch| patch.iter_mut());
             of_all.enumerate().for_each(|(taxel, rest)| *rest = mean(kept, taxel, taxels));
         }
-        let noise = if is_about_zero && is_loaded(kept, neighbours) {
+        let noise = if is_about_zero && (is_moving || is_loaded(kept, neighbours)) {
             noise_below_zero(kept)
         } else {
             if is_about_zero {
@@ -126,15 +126,15 @@ impl Threshold {
             let finite = kept.iter().filter(|x| x.is_finite());
             SHARE_OF_REST * finite.fold(0.0, |largest, x| x.abs().max(largest))
         });
-        is_moving
+        is_moving && !is_about_zero
     }
 }
 
-/// The mean of the finite readings of one of `taxels` taxels; 0 if it has none.
+/// The mean of the finite readings of one of `taxels` taxels; NaN if it has none: nobody knows where it is at rest.
 fn mean(kept: &[f64], taxel: usize, taxels: usize) -> f64 {
     let finite = kept.iter().skip(taxel).step_by(taxels).filter(|x| x.is_finite());
     let (sum, count) = finite.fold((0.0, 0.0), |(sum, count), x| (sum + x, count + 1.0));
-    if count > 0.0 { sum / count } else { 0.0 }
+    if count > 0.0 { sum / count } else { f64::NAN }
 }
 
 /// Adds to each reading the zero that was subtracted, up to that of the first frame, where zeros are the means of all frames so
