@@ -48,6 +48,10 @@ const JUMPS: f64 = 6.0;
 /// A taxel is loaded if its mean is above this many times its noise.
 const LOADED: f64 = 6.0;
 
+/// Moving readings about 0 are pressed, if their noise is this many times that of the readings below 0. *Heuristic*: the noise of a
+/// capacitive cover moves taxels together, too, and was taken for a press without this limit.
+const PRESSED: f64 = 3.0;
+
 /// Readings below 0, of all, from which on these show the noise: a half are, where all is at rest.
 const LEAST_BELOW: f64 = 0.05;
 
@@ -112,13 +116,17 @@ impl Threshold {
             let of_all = rest.iter_mut().flat_map(|patch| patch.iter_mut());
             of_all.enumerate().for_each(|(taxel, rest)| *rest = mean(kept, taxel, taxels));
         }
-        let noise = if is_about_zero && (is_moving || is_loaded(kept, neighbours)) {
-            noise_below_zero(kept)
+        let below = if is_about_zero { noise_below_zero(kept) } else { 0.0 };
+        let noise = if is_about_zero && is_loaded(kept, neighbours) {
+            below
         } else {
             if is_about_zero {
                 restore(kept, taxels);
             }
-            noise(kept, frames, taxels)
+            let all = noise(kept, frames, taxels);
+            let is_pressed = is_about_zero && is_moving && (all > PRESSED * below);
+            // Without readings below 0 that show noise, a press is where most taxels read one and the same.
+            if is_pressed && (below > 0.0 || is_mostly_still(kept, taxels)) { below } else { all }
         };
         *self = Self::Known(if noise > 0.0 {
             noise * quantiles(frames, taxels)
@@ -243,6 +251,15 @@ fn noise_below_zero(kept: &[f64]) -> f64 {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share of a length")]
     let place = (QUIETER_SHARE * (below.len() - 1) as f64) as usize;
     *below.select_nth_unstable_by(place, f64::total_cmp).1 / quantile(QUIETER_SHARE, 1.0).sqrt()
+}
+
+/// Whether most taxels read the same in all frames.
+fn is_mostly_still(kept: &[f64], taxels: usize) -> bool {
+    let is_still = |taxel: &usize| {
+        let of_taxel = || kept.iter().skip(*taxel).step_by(taxels).filter(|x| x.is_finite());
+        of_taxel().all(|x| Some(x) == of_taxel().next())
+    };
+    2 * (0..taxels).filter(is_still).count() > taxels
 }
 
 /// Standard deviation of the readings of the noisiest taxels, of `taxels` in `frames` frames; 0 if
