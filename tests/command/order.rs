@@ -61,6 +61,18 @@ fn a_shuffled_recording_is_read_by_its_order() {
         assert_eq!(json["order"]["columns"][column]["taxel"], *id);
     }
 
+    // A first line of bare numbers has the ids of the columns, which the order does not follow: they are what is looked for.
+    let text = fs::read_to_string(folder.path().join("shuffled.csv")).unwrap();
+    let ids: Vec<String> = truth.iter().map(u32::to_string).collect();
+    let values = text.lines().skip(1).map(|line| line.split_once(',').unwrap().1.to_owned());
+    let bare: Vec<String> = std::iter::once(ids.join(",")).chain(values).collect();
+    fs::write(folder.path().join("bare.csv"), bare.join("\n") + "\n").unwrap();
+    let words = "check sheet.glb --order --recording bare.csv --rate 20 -o order.csv";
+    common::dermatome(&folder, words).assert().success();
+    let found = order(folder.path());
+    let right = found.iter().filter(|(column, id)| truth[*column] == *id).count();
+    assert!(right as f64 > 0.8 * truth.len() as f64, "{right} of {} by a bare first line", truth.len());
+
     // With the true order, the shuffled recording is that of the touches.
     let rows: String = truth.iter().enumerate().map(|(column, id)| format!("{column},{id}\n")).collect();
     fs::write(folder.path().join("truth.csv"), format!("column,taxel_id\n{rows}")).unwrap();

@@ -15,7 +15,7 @@ use dermatome::pyramid::LevelId;
 use dermatome::recording::{Recording, RecordingOptions};
 use dermatome::signal::{
     Channel, ConditionOptions, ContactEvent, ContactRegion, ContactTracker, Duplicates, Frame, Quantity,
-    Touch, TouchOptions, TouchSimulation, TrackerOptions, Zero,
+    Rest, Touch, TouchOptions, TouchSimulation, TrackerOptions, Zero,
 };
 use dermatome::skin::{AssembleOptions, PatchId, Skin, assemble};
 use glam::{DVec2, DVec3};
@@ -486,6 +486,41 @@ fn taxels_that_do_not_rest_at_zero_are_no_contact() {
             *x = noise + if [70, 71, 130].contains(&taxel) { 500.0 } else { 0.0 };
         }
         assert_eq!(tracker.track(&frame).len(), 0, "frame {k}");
+    }
+}
+
+/// Nobody knows where taxels are at rest that answer after the first frames: they are no contact.
+#[test]
+fn taxels_that_answer_late_are_no_contact() {
+    let map = plane();
+    let mut tracker = ContactTracker::new(&map, &pascals(), &TrackerOptions::default()).unwrap();
+    for k in 0..40_u32 {
+        let mut frame = bells(&map, &[]);
+        for (taxel, x) in (0_u32..).zip(frame.values[patch()][0].iter_mut()) {
+            let noise = f64::from((k * 7919 + taxel * 104_729) % 997) / 997.0;
+            let is_late = k < 8 && [70, 71, 130].contains(&taxel);
+            *x = if is_late { f64::NAN } else { 3000.0 + noise };
+        }
+        assert_eq!(tracker.track(&frame).len(), 0, "frame {k}");
+    }
+}
+
+/// A press with which a recording about zero begins is no noise: the threshold is what it is a second later.
+#[test]
+fn a_press_in_the_first_frames_is_no_noise() {
+    let map = plane();
+    let options = TrackerOptions { rest: Rest::AtZero, ..TrackerOptions::default() };
+    for before in 0..6_u32 {
+        let mut tracker = ContactTracker::new(&map, &pascals(), &options).unwrap();
+        for k in 0..30_u32 {
+            let height = 1e5 * (f64::from((k + 1).saturating_sub(before)) / 12.0).min(1.0);
+            let mut frame = bells(&map, &[(DVec2::new(0.11, 0.1), height)]);
+            frame.values[patch()][0].iter_mut().for_each(|x| *x = x.round());
+            tracker.track(&frame);
+        }
+        let threshold = tracker.threshold().unwrap();
+        assert!(threshold < 1.0, "{before} frames before: {threshold} Pa");
+        assert_eq!(present(tracker.contacts()).count(), 1, "{before} frames before");
     }
 }
 

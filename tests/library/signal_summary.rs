@@ -178,6 +178,28 @@ fn each_loading_is_a_step() {
     assert_eq!(rows[0][1], ("side", SummaryCell::Text("left".into())));
 }
 
+/// Nobody knows whether a load went on where there are no readings: what is before and after them is no whole step.
+#[test]
+fn a_loading_without_readings_within_is_cut_off() {
+    let map = Arc::new(sheet());
+    let taxels = map.patches[PatchId::new(0)].taxels.ids.len();
+    let nothing: Vec<(usize, f64)> = (0..taxels).map(|taxel| (taxel, f64::NAN)).collect();
+    for (silent, whole) in [(0, 1), (2, 1), (10, 0)] {
+        let row = |k: usize| match k {
+            30.. if k < 30 + silent => &nothing[..],
+            10..60 => &[(20, 1000.0), (21, 1000.0)],
+            _ => &[],
+        };
+        let frames: Vec<(f64, &[(usize, f64)])> = (0..80).map(|k| (0.05 * k as f64, row(k))).collect();
+        let mut recording = recording_of(&map, &frames, 100.0, true);
+        while recording.next_step().unwrap().is_some() {}
+        let (steps, cut_off) = recording.summary().unwrap().steps().unwrap();
+        let first = steps.first().map(|step| step.group);
+        let of_all = steps.iter().filter(|step| Some(step.group) == first).count();
+        assert_eq!((of_all, cut_off > 0), (whole, whole == 0), "{silent} frames without readings");
+    }
+}
+
 /// Without times, a unit or a reading there are no numbers that need them; a table has empty cells.
 #[test]
 fn what_is_not_known_is_empty() {

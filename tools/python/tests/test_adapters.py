@@ -117,6 +117,8 @@ def test_forces_keep_their_total_in_every_adapter(level, uneven_map, monkeypatch
     features = readings.features(uneven_map, level)
     totals["features"] = sum(feature["values"].sum(axis=1) for feature in features.values())
     frames = [dermatome.lerobot.frame(uneven_map, row, level, extensive=True) for row in force[:, 0]]
+    with pytest.raises(dermatome.DataError, match="one frame"):
+        dermatome.lerobot.frame(uneven_map, force[0], level)
     kept = dermatome.lerobot.keys(uneven_map, level).values()
     totals["lerobot"] = [sum(frame[key].sum() for key in kept) for frame in frames]
     assert all(frame.keys() == dermatome.lerobot.features(uneven_map, level).keys() for frame in frames)

@@ -1,5 +1,6 @@
 """Meshes, tables and arrays of other packages, and parts of recordings."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -73,6 +74,11 @@ def test_xarray_there_and_back(two_channels):
         assert np.array_equal(back.ids, two_channels.ids) and np.array_equal(back.timestamps, two_channels.timestamps)
     with pytest.raises(DataError, match="axes"):
         Readings.from_xarray(array.rename(taxel="column"))
+    # A channel alone keeps its name, and a threshold is of the channel that it was of.
+    named = replace(two_channels, units=(), threshold=0.5)
+    for name, threshold in (("force", 0.5), ("temperature", None)):
+        one, expected = Readings.from_xarray(named.to_xarray().sel(channel=name)), named.select(name)
+        assert (one.channels, one.extensive, one.threshold) == (expected.channels, expected.extensive, threshold)
 
 
 def test_coordinates_of_taxels(uneven_map):
@@ -104,17 +110,34 @@ def test_parts_of_a_recording(two_channels):
     dropped = two_channels.drop([7, 30])
     assert np.isnan(dropped.values[:, :, [2, 4]]).all()
     assert np.array_equal(dropped.values[:, :, [0, 1, 3]], two_channels.values[:, :, [0, 1, 3]], equal_nan=True)
+    by_mask = two_channels.drop(np.isin(two_channels.ids, [7, 30]))
+    assert np.array_equal(by_mask.values, dropped.values, equal_nan=True)
     doubled = two_channels.with_values(2 * two_channels.values)
     assert np.array_equal(doubled.values, 2 * two_channels.values, equal_nan=True) and doubled.channels == two_channels.channels
     for wrong in (
         lambda: two_channels.crop(5.0),
         lambda: two_channels.select("pressure"),
         lambda: two_channels.drop([8]),
+        lambda: two_channels.drop([True, False]),
         lambda: two_channels.with_values(np.zeros((6, 5))),
         lambda: two_channels.resample(0),
     ):
         with pytest.raises(DataError):
             wrong()
+
+
+@pytest.mark.parametrize("begin", [0.0, 3.3, 1.8e9])
+def test_the_last_frame_is_kept_at_the_same_rate(begin):
+    for count in range(2, 9):
+        readings = Readings.from_arrays(np.ones((count, 3)), timestamps=begin + np.arange(count) / 100)
+        assert len(readings.resample(100.0)) == count
+
+
+def test_what_was_not_measured_is_not_after_another_rate(two_channels):
+    known = np.ones(two_channels.values.shape, dtype=bool)
+    known[:, :, 2] = False
+    again = replace(two_channels, measured=known).resample(20.0).measured
+    assert not again[:, :, 2].any() and again[:, 0, [0, 1, 3, 4]].all()
 
 
 def test_another_rate(two_channels):

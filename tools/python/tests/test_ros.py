@@ -257,6 +257,20 @@ def test_points_of_a_bag_are_read_back(uneven_map, tmp_path):
         adapter.read(tmp_path / "b", "/skin/image", uneven_map)
 
 
+def test_points_of_one_patch_stay_there(rough_map, tmp_path):
+    """Two patches share ids: what a bag has of one is not read on the other."""
+    values = np.zeros((2, 1, rough_map.n_taxels))
+    values[:, :, :369], values[:, :, 369:] = 10 / 369, 5 / 120
+    readings = dermatome.Readings.from_arrays(values, timestamps=[0.0, 0.01], channels="force", units="N")
+    adapter.write(tmp_path / "bag", rough_map, readings)
+    for topic, [arm, tip] in (("/skin/upper_arm/points", [10, 0]), ("/skin/tip_of_it/points", [0, 5])):
+        back = adapter.read(tmp_path / "bag", topic, rough_map).values[0, 0]
+        assert np.allclose([np.nansum(back[:369]), np.nansum(back[369:])], [arm, tip], rtol=1e-2)
+    again = dermatome.Readings.from_arrays(values, timestamps=[0.01, 0.0])
+    with pytest.raises(dermatome.DataError, match="frame 1"):
+        adapter.write(tmp_path / "again", rough_map, again)
+
+
 def test_bags_without_definitions(store, grid_map, tmp_path):
     """Those that ROS 2 up to Humble wrote."""
     kind, custom = "std_msgs/msg/Float32MultiArray", "my_msgs/msg/Counts"

@@ -148,6 +148,10 @@ def test_examples_run():
         assert doctest.DocTestRunner().run(test).failed == 0
 
 
+def _nothing():
+    return {"frame": [], "force": [], "centre": np.zeros((0, 3)), "patch": []}
+
+
 def test_touches_with_history_actions_and_a_transform(dome_map):
     readings, truth = dermatome.touch(dome_map, presses=1)
     one = Touches(dome_map, readings, truth, size=(16, 16))
@@ -162,6 +166,17 @@ def test_touches_with_history_actions_and_a_transform(dome_map):
     assert torch.equal(several[0]["image"][0], one[0]["image"]), "nothing is before the first frame"
     assert [len(one[2:5]), len(one[[1, 2]]), len(one[np.arange(len(one)) % 2 == 0])] == [3, 2, (len(one) + 1) // 2]
     assert torch.equal(one[2:5][1]["image"], one[3]["image"])
+    # Times begin again with an episode, and so does what is before a frame.
+    times = np.array([0, 0.01, 0.02, 0, 0.01, 0.02])
+    values = np.arange(1.0, 7)[:, None, None] * np.ones((6, 1, dome_map.n_taxels))
+    episodes = Touches(dome_map, dermatome.Readings.from_arrays(values, timestamps=times), _nothing(), size=(8, 8), history=3)
+    seen = [[float(field.max()) for field in episodes[frame]["fields"]] for frame in (2, 3, 4)]
+    assert np.allclose(seen, [[1, 2, 3], [4, 4, 4], [4, 4, 5]])
+    patch = next(iter(dome_map.patches))
+    for column, wrong_column in (("force", [1.0, 2.0]), ("centre", [0.0, 0.0, 0.0]), ("frame", [0.5, 1, 2])):
+        rows = {"frame": [0, 1, 2], "force": [1.0, 2.0, 3.0], "centre": np.zeros((3, 3)), "patch": [patch] * 3}
+        with pytest.raises(dermatome.DataError, match="truth"):
+            Touches(dome_map, readings, rows | {column: wrong_column})
     for wrong in ({"history": 0}, {"actions": actions[1:]}):
         with pytest.raises(dermatome.DataError):
             Touches(dome_map, readings, truth, **wrong)

@@ -76,10 +76,6 @@ pub enum ResponseError {
     #[error("the response has no relative gains; what touches alone give is needed")]
     NotRelative,
     #[error(
-        "recording {number} is in {found:?}, and the first in {first:?}; recordings of one sensor are needed"
-    )]
-    Units { number: usize, found: String, first: String },
-    #[error(
         "steps of pressure are of one recording of one episode; {found} are given: join them, with their steps"
     )]
     StepRecordings { found: usize },

@@ -7,6 +7,9 @@ use crate::signal::SignalError;
 use crate::signal::unit::{ChannelKind, Quantity, Unit, nearest_unit, parse_unit};
 use crate::skin::{PatchId, Presence, THERMAL};
 
+/// Names of channels of temperatures begin so.
+const HEAT: [&str; 3] = ["temp", "therm", "heat"];
+
 /// One number per taxel: its name, unit and kind.
 ///
 /// A vector per taxel is one channel for each component: `force.N` along the normal, `force.T` along
@@ -56,7 +59,7 @@ impl Channel {
                 (name, quantity, kind)
             }
         };
-        let is_other = ["temp", "therm", "heat", "acc"].iter().any(|other| lower.starts_with(other));
+        let is_other = HEAT.iter().chain(&["acc"]).any(|other| lower.starts_with(other));
         let direction = name.split_once('.').map_or("", |(_, last)| last);
         let kind = match kind {
             ChannelKind::Touch if is_other => ChannelKind::Other,
@@ -85,7 +88,7 @@ impl Channel {
             (ChannelKind::Other, _, "m/s^2") => "acceleration",
             (ChannelKind::Other, _, "m") => "proximity",
             (ChannelKind::Other, name, "") if name.starts_with("acc") => "acceleration",
-            (ChannelKind::Other, _, "") => THERMAL,
+            (ChannelKind::Other, name, "") if HEAT.iter().any(|heat| name.starts_with(heat)) => THERMAL,
             _ => "",
         };
         let known = || map.body.modalities.iter().map(|modality| &*modality.name);

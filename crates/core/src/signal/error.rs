@@ -37,6 +37,10 @@ pub enum SignalError {
     Unit { channel: String, unit: String, nearest: String },
     #[error("{given} {what}s for {} channels ({}); one for each channel is needed", known.len(), list(known))]
     ChannelCount { what: &'static str, given: usize, known: Vec<String> },
+    #[error(
+        "recording {number} is in {found:?}, and the first in {first:?}; recordings of one sensor are needed"
+    )]
+    Units { number: usize, found: String, first: String },
     #[error("two channels are called {name:?}; names must differ")]
     ChannelTwice { name: String },
     #[error("the readings have no channel {name:?}; they have {}", list(known))]

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::Error;
 use crate::map::SkinMap;
-use crate::recording::Recording;
+use crate::recording::{Recording, same_unit};
 use crate::signal::{Health, HealthOptions, HealthReport, SignalError, Zero};
 
 /// Judges the taxels of a skin by recordings of ordinary touches.
@@ -51,12 +51,14 @@ pub fn examine<E: From<Error> + From<SignalError>>(
     mut open: impl FnMut(usize, Zero) -> Result<Recording, E>,
 ) -> Result<HealthReport, E> {
     let mut health: Option<Health> = None;
+    let mut unit = None;
     for _ in 0..Health::PASSES {
         for number in 0..recordings {
             let zero = health.as_ref().map_or(Zero::Taken, Health::zero);
             let mut recording = open(number, zero)?;
             let channel = recording.touch_channel();
             let channel = channel.map_err(|error| Error::from(error).in_recording(number, recordings))?;
+            same_unit(&mut unit, number, &recording.channels()[channel])?;
             let health = match &mut health {
                 Some(health) => health,
                 None => health.insert(Health::new(map, options)?),

@@ -45,6 +45,16 @@ pub use options::{Fill, FrameRange, RecordingOptions, RecordingReport};
 pub use order::{find_order, map_signals};
 pub use respond::{Reference, ResponseReport, respond};
 
+/// Takes the unit of the channel that counts of one of several recordings.
+fn same_unit(unit: &mut Option<String>, number: usize, channel: &Channel) -> Result<(), Error> {
+    let first = unit.get_or_insert_with(|| channel.unit.clone());
+    if *first == channel.unit {
+        return Ok(());
+    }
+    let (found, first) = (channel.unit.clone(), first.clone());
+    Err(SignalError::Units { number: number + 1, found, first }.into())
+}
+
 /// One frame of a recording, and what follows from it.
 #[derive(Debug, Clone, Copy)]
 pub struct Step<'r> {

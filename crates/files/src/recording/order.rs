@@ -7,7 +7,7 @@ use crate::id::{IdVec, VertexId};
 use crate::io::ReadingsReader;
 use crate::map::SkinMap;
 use crate::mesh::TriMesh;
-use crate::recording::{Recording, RecordingOptions};
+use crate::recording::{Recording, RecordingOptions, same_unit};
 use crate::run::Run;
 use crate::signal::{ColumnOrder, ConditionOptions, Order, OrderError, SignalError, SignalMap, Zero};
 use crate::skin::{PatchId, Skin, TaxelId};
@@ -32,9 +32,12 @@ pub fn find_order<E: From<Error>>(
 ) -> Result<Order, E> {
     let fail = |error: OrderError| E::from(Error::from(error));
     let mut found: Option<(ColumnOrder, Arc<SkinMap>, usize)> = None;
+    let mut unit = None;
     for pass in 0..ColumnOrder::PASSES {
         for number in 0..recordings {
             let mut reader = open(number)?;
+            // Of the columns, before they are told from a frame by the taxels that stand for them.
+            reader.settle_first_line(map.patches.iter().flat_map(|patch| patch.taxels.ids.iter().copied()));
             reader.ids = None;
             let (order, columns, first) = match &mut found {
                 Some(found) => found,
@@ -52,7 +55,7 @@ pub fn find_order<E: From<Error>>(
             let options = RecordingOptions { condition, ..options.clone() };
             let recording = Recording::open(columns, reader, &options).map_err(Error::from);
             recording
-                .and_then(|recording| see(order, recording))
+                .and_then(|recording| see(order, recording, (&mut unit, number)))
                 .map_err(|e| e.in_recording(number, recordings))?;
         }
         found.iter_mut().for_each(|(order, ..)| order.end_pass());
@@ -77,10 +80,12 @@ pub fn map_signals<E: From<Error>>(
     let fail = |error: OrderError| E::from(Error::from(error));
     let taxels = map.patches.iter().map(|patch| patch.taxels.ids.len()).sum();
     let mut order = ColumnOrder::new(taxels, None).map_err(fail)?;
+    let mut unit = None;
     for pass in 0..ColumnOrder::PASSES {
         for number in 0..recordings {
             let recording = open(number, if pass == 0 { Zero::Taken } else { zero })?;
-            see(&mut order, recording).map_err(|e| e.in_recording(number, recordings))?;
+            see(&mut order, recording, (&mut unit, number))
+                .map_err(|e| e.in_recording(number, recordings))?;
         }
         order.end_pass();
     }
@@ -88,8 +93,13 @@ pub fn map_signals<E: From<Error>>(
 }
 
 /// Sees all frames of a recording.
-fn see(order: &mut ColumnOrder, mut recording: Recording) -> Result<(), Error> {
+fn see(
+    order: &mut ColumnOrder,
+    mut recording: Recording,
+    (unit, number): (&mut Option<String>, usize),
+) -> Result<(), Error> {
     let channel = recording.touch_channel()?;
+    same_unit(unit, number, &recording.channels()[channel])?;
     order.begin_recording(channel);
     recording.each_frame(|frame| match frame {
         Some(frame) => order.see(frame),

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::Error;
 use crate::map::SkinMap;
-use crate::recording::Recording;
+use crate::recording::{Recording, same_unit};
 use crate::response::{
     GainEstimator, GainReport, ResponseError, ScaleEstimator, ScaleReport, StepEstimator, StepReport,
 };
@@ -81,12 +81,8 @@ pub fn respond<E: From<Error>>(
                     .in_recording(number, recordings)
                     .into());
             };
-            let (found, is_alone) = (&channels[main].unit, channels.len() == 1);
-            let first = unit.get_or_insert_with(|| found.clone());
-            if first != found {
-                let found = found.clone();
-                return Err(fail(ResponseError::Units { number: number + 1, found, first: first.clone() }));
-            }
+            same_unit(&mut unit, number, &channels[main])?;
+            let is_alone = channels.len() == 1;
             episodes += recording.each_frame(|frame| match frame {
                 None => see(Next::EpisodeEnds),
                 Some(frame) if is_alone => see(Next::Frame(frame)),

@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from dermatome._arguments import number_of
+from dermatome._dermatome import main_channel
 from dermatome._errors import ArgumentError, DataError
 
 if TYPE_CHECKING:
@@ -31,13 +32,17 @@ def from_xarray(make: Any, array: Any) -> Readings:
         return array.coords[name].values if name in array.coords else None
 
     names, units = of("channel"), of("unit")
-    words = None if names is None or "channel" not in dims else [str(name) for name in names]
+    words = None if names is None else [str(name) for name in np.atleast_1d(names)]
     units = None if units is None else [str(unit) for unit in np.atleast_1d(units)]
     if units is None and "units" in array.attrs:
         units = str(array.attrs["units"])
     made: Readings = make(array.values, ids=of("taxel"), timestamps=of("time"), channels=words, units=units)
     threshold = array.attrs.get("threshold")
     threshold = None if threshold is None else number_of("threshold", threshold, "a number, as an attribute")
+    # It is of one channel, which may not be among those that were chosen.
+    of_main = made.channels[main_channel(made.channels, made.units)]
+    if array.attrs.get("threshold_channel", of_main) != of_main:
+        threshold = None
     made = replace(made, is_tared=bool(array.attrs.get("is_tared", False)), threshold=threshold)
     measured = of("measured")
     return made if measured is None else replace(made, measured=measured.reshape(made.values.shape).astype(bool))
@@ -53,7 +58,7 @@ def from_pandas(make: Any, table: Any, units: Any) -> Readings:
     ids: list[int] = []
     for column in columns:
         text = str(column)
-        if not text.isdigit():
+        if not text.isdecimal():
             raise DataError(f"table: found the column {text!r}; needed: ids of taxels; table.drop(columns={[text]}) leaves it out")
         ids.append(int(text))
     # A table without an index of its own counts its rows.
@@ -110,7 +115,19 @@ def resample(readings: Readings, rate: float) -> Readings:
     if len(times) < 2 or not np.isfinite(times).all() or (np.diff(times) <= 0).any():
         raise DataError("readings: found times that do not increase; needed: a time for each of two or more frames")
     step = float(np.median(np.diff(times)))
-    new = times[0] + np.arange(int(np.floor((times[-1] - times[0]) * rate * (1 + 1e-12))) + 1) / rate
+    # Times of a clock have the rounding of their size.
+    slack = 2 * rate * np.spacing(np.abs(times).max())
+    new = times[0] + np.arange(int(np.floor((times[-1] - times[0]) * rate * (1 + 1e-12) + slack)) + 1) / rate
+    measured = readings.measured
+    if measured is not None:
+        measured = np.isfinite(_at(new, rate, step, times, np.where(measured, values, np.nan)))
+    return replace(readings, values=_at(new, rate, step, times, values), timestamps=new, measured=measured)
+
+
+def _at(new: Any, rate: float, step: float, times: Any, values: Any) -> Any:
+    """Values at new times, by those at usual steps."""
+    import numpy as np
+
     made = np.full((len(new), *values.shape[1:]), np.nan)
     # Means of the frames around each new time, where there are several.
     find: Any = times.searchsorted
@@ -127,4 +144,4 @@ def resample(readings: Readings, rate: float) -> Readings:
         if times[b] - times[a] <= PAUSE * step:
             share = 0.0 if a == b else (new[k] - times[a]) / (times[b] - times[a])
             made[k] = values[a] if share == 0 else (1 - share) * values[a] + share * values[b]
-    return replace(readings, values=made, timestamps=new, measured=None)
+    return made

@@ -277,17 +277,21 @@ class Readings:
         Parameters
         ----------
         ids : (k,) array_like of int
-            Their ids, or their places in the order of the map if the recording has no ids.
+            Their ids, or their places in the order of the map if the recording has no ids; or an (N,) mask of bool.
 
         Raises
         ------
         DataError
-            If there is no such taxel.
+            If there is no such taxel, or the mask has another length.
         """
         import numpy as np
 
         known: Any = range(self.values.shape[2]) if self.ids is None else self.ids
         gone = array_of("ids", ids, f"{'places' if self.ids is None else 'ids'} of taxels").ravel()
+        if gone.dtype.kind == "b":
+            if gone.shape != (self.values.shape[2],):
+                raise DataError(f"ids: found a mask of shape {gone.shape}; needed: ({self.values.shape[2]},)")
+            gone = np.asarray(known)[gone]
         missing = ~np.isin(gone, known)
         if missing.any():
             raise DataError(f"ids: found {gone[missing][0]}; needed: {'places' if self.ids is None else 'ids'} of taxels of the recording")
@@ -693,7 +697,9 @@ class Readings:
         if self.measured is not None:
             made.coords["measured"] = (made.dims, self.measured)
         # netCDF has no truth values.
-        made.attrs |= ({"is_tared": 1} if self.is_tared else {}) | ({} if self.threshold is None else {"threshold": self.threshold})
+        made.attrs |= {"is_tared": 1} if self.is_tared else {}
+        if self.threshold is not None:
+            made.attrs |= {"threshold": self.threshold, "threshold_channel": self.channels[_main(self)]}
         return made
 
     def write(self, path: str | os.PathLike[str]) -> None:

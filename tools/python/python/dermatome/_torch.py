@@ -222,7 +222,8 @@ class Touches(torch.utils.data.Dataset):  # type: ignore[misc, type-arg, unused-
         What a policy did in each frame: `action` (A,) float32 of the sample.
     history : int
         How many frames, the latest last, are in `image`, `mask`, `fields` and `valid`, which then have an axis of them in
-        front; before the first frame is the first. 1 by default, without that axis.
+        front; before the first frame is the first, also of a later episode, where times begin again. 1 by default, without that
+        axis.
     transform : callable, optional
         What is called with each sample and returns it, changed.
 
@@ -274,6 +275,10 @@ class Touches(torch.utils.data.Dataset):  # type: ignore[misc, type-arg, unused-
         self.map, self.readings, self.level, self.patch = map, readings.on(map), level, patch
         self.fill = number_of("fill", fill, "a number")
         self.size = size
+        # The first frame of each episode, of whose frames alone the history is.
+        times = readings.timestamps
+        begins = np.concatenate([[0], np.flatnonzero(np.diff(times) < 0) + 1]).astype(np.int64)
+        self._first: Any = begins[np.searchsorted(begins, np.arange(len(times)), side="right") - 1]
         self._renderer: Renderer | None = None
         self._made()  # What cannot be drawn is refused here, not in a worker.
         self.contacts = _truth(map, readings, truth) if truth is not None else _tracked(map, self.readings, threshold)
@@ -299,7 +304,7 @@ class Touches(torch.utils.data.Dataset):  # type: ignore[misc, type-arg, unused-
         """Some frames at once, which a loader asks for."""
         chosen = np.asarray([range(len(self))[int(frame)] for frame in frames], dtype=np.int64)
         # Each frame with those before it, of which every one is drawn once.
-        back: Any = np.maximum(chosen[:, None] + np.arange(1 - self.history, 1), 0)
+        back: Any = np.maximum(chosen[:, None] + np.arange(1 - self.history, 1), self._first[chosen][:, None])
         drawn: Any = np.unique(back)
         places = drawn.searchsorted(back)
         part = self.readings[drawn]
@@ -361,14 +366,25 @@ def _truth(map: Map, readings: Readings, truth: dict[str, Any]) -> dict[str, Any
         raise DataError(f"truth: found no {sorted(missing)[0]}; needed: {needed}")
     columns = [items_of(f"truth[{name!r}]", known[name], needed) for name in ("frame", "force", "centre", "patch")]
     columns.append(items_of("truth['time']", known["time"], needed) if "time" in known else [np.nan] * len(columns[0]))
+    lengths = [len(column) for column in columns]
+    if len(set(lengths)) > 1:
+        raise DataError(f"truth: found columns of {lengths} rows; needed: as many in each")
+    columns[:2] = [as_floats(f"truth[{name!r}]", known[name]).tolist() for name in ("frame", "force")]
+    centres = as_floats("truth['centre']", known["centre"])
+    if lengths[0] and centres.shape != (lengths[0], 3):
+        raise DataError(f"truth['centre']: found shape {centres.shape}; needed: ({lengths[0]}, 3)")
     for row, (frame, force, centre, patch, time) in enumerate(zip(*columns)):
+        if not float(frame).is_integer():
+            raise DataError(f"truth['frame']: found {frame}; needed: whole numbers")
+        frame = int(frame)
         if not 0 <= frame < frames or patch not in numbers:
             needed = f"frames of {frames} and patches of the map"
             raise DataError(f"truth: found frame {frame}, patch {patch!r}; needed: {needed}")
         if abs(time - times[frame]) > SAME_TIME:
             raise DataError(f"truth: found time[{row}] = {time} s of frame {frame}; needed: {times[frame]} s, as the readings have it")
-        if not contacts["touched"][frame] or force > contacts["force"][frame]:
-            _put(contacts, int(frame), float(force), centre, numbers[patch])
+        # Of contacts without a known force the first one counts.
+        if not contacts["touched"][frame] or force > contacts["force"][frame] or np.isnan(contacts["force"][frame]) > np.isnan(force):
+            _put(contacts, frame, float(force), centre, numbers[patch])
     return contacts
 
 

@@ -119,6 +119,8 @@ def frame(
     if not 0 < white < float("inf"):
         raise DataError(f"limit: found {limit}; needed: a number above 0")
     values = as_floats("values", values)
+    if values.shape != (map.n_taxels,):
+        raise DataError(f"values: found shape {values.shape}; needed: ({map.n_taxels},), one frame of one channel")
     pooled = map.pool(values, level, extensive=extensive)
     known = np.isfinite(pooled)
     finite, valid = np.where(known, pooled, np.float32(0)), known.astype(np.float32)

@@ -117,6 +117,12 @@ def read(
         recorded.append(time)
     times, remarks = _times(np.array(at), np.array(recorded), stamp, kind)
     array, columns = _joined(frames)
+    # The points of one patch, which may share ids with another one.
+    homes = [patch for patch in map.patches.values() if columns is not None and np.array_equal(columns, patch.ids)]
+    if len(homes) == 1:
+        whole = np.full((*array.shape[:2], map.n_taxels), np.nan)
+        whole[:, :, homes[0].start : homes[0].start + len(homes[0].ids)] = array
+        array, columns = whole, None
     names = frames[0].names if channels is None else channels
     readings = Readings.from_arrays(array, ids=columns, timestamps=times, channels=names, units=units)
     return replace(readings, remarks=remarks).on(map)
@@ -356,6 +362,11 @@ def _stamps(times: Any) -> list[tuple[int, int]]:
     if wrong.any():
         frame = int(np.argmax(wrong))
         raise DataError(f"timestamps: found {times[frame]} for frame {frame}; needed: s from 0 to 2^31")
+    falls = np.diff(times) < 0
+    if falls.any():
+        frame = int(np.argmax(falls)) + 1
+        needed = "times that do not fall; a bag for each episode"
+        raise DataError(f"timestamps: found {times[frame]} for frame {frame} after {times[frame - 1]}; needed: {needed}")
     return [(round(time * 1e9),) * 2 for time in times]
 
 

@@ -48,6 +48,10 @@ const JUMPS: f64 = 6.0;
 /// A taxel is loaded if its mean is above this many times its noise.
 const LOADED: f64 = 6.0;
 
+/// Moving readings about 0 are pressed, if their noise is this many times that of the readings below 0. *Heuristic*: the noise of a
+/// capacitive cover moves taxels together, too, and was taken for a press without this limit.
+const PRESSED: f64 = 3.0;
+
 /// Readings below 0, of all, from which on these show the noise: a half are, where all is at rest.
 const LEAST_BELOW: f64 = 0.05;
 
@@ -102,23 +106,27 @@ impl Threshold {
         let Self::Learning(kept) = self else { return false };
         let taxels = neighbours.len();
         let frames = kept.len() / taxels.max(1);
-        if frames < 2 {
+        if frames < 2 || kept.iter().all(|x| !x.is_finite()) {
             *self = Self::Unknown;
             return false;
         }
         let is_about_zero = options.rest == Rest::AtZero;
-        let is_moving = !is_about_zero && is_moving(kept, neighbours);
+        let is_moving = is_moving(kept, neighbours);
         if !is_about_zero {
             let of_all = rest.iter_mut().flat_map(|patch| patch.iter_mut());
             of_all.enumerate().for_each(|(taxel, rest)| *rest = mean(kept, taxel, taxels));
         }
+        let below = if is_about_zero { noise_below_zero(kept) } else { 0.0 };
         let noise = if is_about_zero && is_loaded(kept, neighbours) {
-            noise_below_zero(kept)
+            below
         } else {
             if is_about_zero {
                 restore(kept, taxels);
             }
-            noise(kept, frames, taxels)
+            let all = noise(kept, frames, taxels);
+            let is_pressed = is_about_zero && is_moving && (all > PRESSED * below);
+            // Without readings below 0 that show noise, a press is where most taxels read one and the same.
+            if is_pressed && (below > 0.0 || is_mostly_still(kept, taxels)) { below } else { all }
         };
         *self = Self::Known(if noise > 0.0 {
             noise * quantiles(frames, taxels)
@@ -126,15 +134,15 @@ impl Threshold {
             let finite = kept.iter().filter(|x| x.is_finite());
             SHARE_OF_REST * finite.fold(0.0, |largest, x| x.abs().max(largest))
         });
-        is_moving
+        is_moving && !is_about_zero
     }
 }
 
-/// The mean of the finite readings of one of `taxels` taxels; 0 if it has none.
+/// The mean of the finite readings of one of `taxels` taxels; NaN if it has none: nobody knows where it is at rest.
 fn mean(kept: &[f64], taxel: usize, taxels: usize) -> f64 {
     let finite = kept.iter().skip(taxel).step_by(taxels).filter(|x| x.is_finite());
     let (sum, count) = finite.fold((0.0, 0.0), |(sum, count), x| (sum + x, count + 1.0));
-    if count > 0.0 { sum / count } else { 0.0 }
+    if count > 0.0 { sum / count } else { f64::NAN }
 }
 
 /// Adds to each reading the zero that was subtracted, up to that of the first frame, where zeros are the means of all frames so
@@ -243,6 +251,15 @@ fn noise_below_zero(kept: &[f64]) -> f64 {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share of a length")]
     let place = (QUIETER_SHARE * (below.len() - 1) as f64) as usize;
     *below.select_nth_unstable_by(place, f64::total_cmp).1 / quantile(QUIETER_SHARE, 1.0).sqrt()
+}
+
+/// Whether most taxels read the same in all frames.
+fn is_mostly_still(kept: &[f64], taxels: usize) -> bool {
+    let is_still = |taxel: &usize| {
+        let of_taxel = || kept.iter().skip(*taxel).step_by(taxels).filter(|x| x.is_finite());
+        of_taxel().all(|x| Some(x) == of_taxel().next())
+    };
+    2 * (0..taxels).filter(is_still).count() > taxels
 }
 
 /// Standard deviation of the readings of the noisiest taxels, of `taxels` in `frames` frames; 0 if

@@ -37,6 +37,8 @@ struct OfGroup {
 struct Loading {
     totals: Totals,
     is_begin_known: bool,
+    /// The time of its last frame with readings.
+    seen: f64,
     /// At the first frame without load: the totals then, and its time.
     ended: Option<(Totals, f64)>,
 }
@@ -111,8 +113,17 @@ impl OfGroup {
         let (is_loaded, step) = (load.loaded > 0, tick.step());
         if let Some(open) = &mut self.open {
             open.totals.add(time, step, load);
+            if load.readings > 0 {
+                open.seen = time;
+            }
             match &open.ended {
                 _ if is_loaded => open.ended = None,
+                // Without readings nobody knows whether it goes on.
+                None if load.readings == 0 => {
+                    if time - open.seen >= PAUSE_S - SAME_S {
+                        self.end();
+                    }
+                }
                 None => open.ended = Some((open.totals.clone(), time)),
                 Some((_, since)) if time - since >= PAUSE_S - SAME_S => self.end(),
                 Some(_) => {}
@@ -120,7 +131,8 @@ impl OfGroup {
         } else if is_loaded {
             let mut totals = Totals::after(self.last);
             totals.add(time, step, load);
-            self.open = Some(Loading { totals, is_begin_known: self.last.is_some(), ended: None });
+            self.open =
+                Some(Loading { totals, is_begin_known: self.last.is_some(), seen: time, ended: None });
         }
         self.last = (load.readings > 0).then(|| Kept::of(load));
     }
