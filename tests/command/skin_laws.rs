@@ -2,6 +2,7 @@
 //! faces and files, names. What comes out is the same, or turned and scaled as the skin is. The skin is uneven on purpose: two
 //! links, two patches that share ids, 41 x 9 and 5 x 24 taxels at uneven distances, one of them absent, names with spaces.
 
+use std::collections::HashMap;
 use std::fmt::Write as _;
 use std::fs;
 use std::io::Read as _;
@@ -260,6 +261,45 @@ fn write_readings(folder: &Path) {
     fs::write(folder.join("readings.csv"), text + "\n").unwrap();
 }
 
+/// A bag that presses all taxels of the first patch, which have gains of their own, in steps.
+fn write_steps(folder: &Path) {
+    let mut random = Pcg64Mcg::new(17);
+    let gains: Vec<f64> = taxels(0).iter().map(|_| (0.3 * uniform(&mut random)).exp()).collect();
+    let (mut steps, mut text) = (String::from("time,pressure[kPa]\n"), String::from("time"));
+    (1..=gains.len()).for_each(|id| write!(text, ",{id}.pressure[kPa]").unwrap());
+    let pressures = [0.0, 0.0, 5.0, 20.0, 60.0, 20.0, 5.0, 0.0, 5.0, 20.0, 60.0, 20.0, 5.0, 0.0];
+    for (step, pressure) in pressures.into_iter().enumerate() {
+        writeln!(steps, "{},{pressure}", step).unwrap();
+        for frame in 0..FRAMES_OF_STEP {
+            write!(text, "\n{:.3}", step as f64 + frame as f64 / FRAMES_OF_STEP as f64).unwrap();
+            for (k, gain) in gains.iter().enumerate() {
+                let noise = 0.05 * (0..3).map(|_| uniform(&mut random)).sum::<f64>();
+                let reading = noise + gain * pressure;
+                if k == ABSENT { text.push(',') } else { write!(text, ",{reading:.4}").unwrap() }
+            }
+        }
+    }
+    fs::write(folder.join("steps.csv"), steps).unwrap();
+    fs::write(folder.join("pressed_in_steps.csv"), text + "\n").unwrap();
+}
+
+const FRAMES_OF_STEP: usize = 12;
+
+/// The surface of the first patch, for modules.
+fn write_surface(folder: &Path, law: &Law) {
+    let mut text = String::new();
+    let (all, faces) = (taxels(0), triangles(0));
+    let order = law.order(all.len());
+    let mut number = vec![0; all.len()];
+    order.iter().enumerate().for_each(|(new, &old)| number[old] = new);
+    order.iter().for_each(|&k| writeln!(text, "v {}", law.written(all[k][0]).replace(',', " ")).unwrap());
+    for face in law.order(faces.len()) {
+        let [a, b, c] = faces[face].map(|old| number[old] + 1);
+        writeln!(text, "f {a} {b} {c}").unwrap();
+    }
+    fs::write(folder.join("surface.obj"), text).unwrap();
+}
+
 /// Columns with whole numbers, which are the same or not.
 const COUNTS: [&str; 8] =
     ["contact", "level", "taxel_id", "live_taxel_id", "peak_taxel_id", "frame", "frames", "taxels"];
@@ -291,6 +331,8 @@ impl Built {
         }
         write_contacts(path, &law);
         write_readings(path);
+        write_steps(path);
+        write_surface(path, &law);
         let files = if law.is_split { "second.csv s.csv" } else { "s.csv" };
         let pixel = 5.0 * law.scale;
         let words = format!("build {files} -o m --pixel-mm {pixel} {}", law.unit());
@@ -510,6 +552,36 @@ impl Built {
         rows
     }
 
+    /// Whether the interval of each reactive answer has the distance of the exact one, and its point is as near as it says. The
+    /// intervals are those of cells along the axes of the link.
+    fn reactive(&self, name: &str) -> Vec<Row> {
+        let read = |name: &str| {
+            let mut reader = csv::ReaderBuilder::new()
+                .comment(Some(b'#'))
+                .from_path(self.folder.path().join(name))
+                .unwrap();
+            reader.deserialize().map(Result::unwrap).collect::<Vec<HashMap<String, String>>>()
+        };
+        let number = |row: &HashMap<String, String>, column: &str| row[column].parse().unwrap_or(f64::NAN);
+        let vector = |row: &HashMap<String, String>| {
+            DVec3::from_array(["x", "y", "z"].map(|column| number(row, column)))
+        };
+        let (contacts, exact) = (read("contacts.csv"), read("answers.csv"));
+        let error = 1e-7 * self.law.scale;
+        let holds = |row: HashMap<String, String>| {
+            let contact = &row["contact"];
+            let is_same = |other: &&HashMap<String, String>| &other["contact"] == contact;
+            let distance = number(exact.iter().find(is_same).unwrap(), "distance").abs();
+            let is_hit = !row["patch"].is_empty();
+            let [least, most] = ["least", "most"].map(|column| number(&row, column));
+            let at = vector(&contacts[contact.parse::<usize>().unwrap()]) / self.law.per_metre();
+            let is_near = vector(&row).distance(at) <= most + error;
+            let is_within = (least - error..=most + error).contains(&distance);
+            (format!("contact {contact} {is_hit} {}", !is_hit || is_near && is_within), Vec::new())
+        };
+        read(name).into_iter().map(holds).collect()
+    }
+
     /// How often a picture has each element in each colour.
     fn picture(&self, name: &str) -> Vec<Row> {
         let text = fs::read_to_string(self.folder.path().join(name)).unwrap();
@@ -592,6 +664,7 @@ impl Built {
 enum Output {
     Table(&'static str, &'static [&'static str]),
     Columns(&'static str),
+    Reactive(&'static str),
     Lines(&'static str, &'static [&'static str]),
     Arrays(&'static str),
     Picture(&'static str),
@@ -602,14 +675,14 @@ enum Output {
     Levels,
 }
 
-use Output::{Arrays, Columns, Flat, Levels, Lines, Page, Picture, Sizes, Table};
+use Output::{Arrays, Columns, Flat, Levels, Lines, Page, Picture, Reactive, Sizes, Table};
 
 /// What speaks of contacts, which are apart by 10 mm, and of their paths, in steps of 4 mm: a skin of another size has others.
 const IN_MM: [&str; 4] = ["regions.csv", "events.jsonl", "sums.csv", "body_sums.csv"];
 
-/// Each command with what it writes. `{8mm}` in m and `{2}` in mm are as large as the skin, and `{unit}` is said where files have
-/// another one than m.
-const DOORS: [(&str, &[Output]); 23] = [
+/// Each command with what it writes. `{8mm}` in m, and `{1}`, `{2}` and so on in mm, are as large as the skin, `{stiff}` makes
+/// pressures those of any size, and `{unit}` is said where files have another one than m.
+const DOORS: [(&str, &[Output]); 28] = [
     ("coarsen m/map.glb -o levels.glb --json", &[Levels]),
     ("flatten s.csv {unit} -o flat.npz", &[Flat("flat.npz")]),
     ("lookup m/map.glb contacts.csv {unit} -o answers.csv", &[Table("answers.csv", &[])]),
@@ -617,6 +690,24 @@ const DOORS: [(&str, &[Output]); 23] = [
     ("lookup m/map.glb contacts.csv {unit} -o nearest.csv --nearest 4", &[Table("nearest.csv", &[])]),
     ("lookup m/map.glb contacts.csv {unit} -o within.csv --within {8mm}", &[Table("within.csv", &[])]),
     ("lookup m/map.glb contacts.csv {unit} -o rays.csv --ray", &[Table("rays.csv", &[])]),
+    (
+        "lookup m/map.glb contacts.csv {unit} -o reactive.csv --reactive --level 0",
+        &[Reactive("reactive.csv")],
+    ),
+    (
+        "touch m/map.glb -o touch.csv --truth truth.csv --presses 4 --rate-hz 20 --reads pressure --stiffness-kpa {stiff} \
+         --sphere-mm {15} --depth-mm {2} --roll-mm {20} --taxel-mm {2}",
+        &[Columns("touch.csv"), Table("truth.csv", &["sphere_x", "sphere_y", "sphere_z"])],
+    ),
+    ("carry m/map.glb readings.csv --to m/map.glb -o carried.csv", &[Columns("carried.csv")]),
+    (
+        "response m/map.glb pressed_in_steps.csv --pressure steps.csv -o response.csv",
+        &[Table("response.csv", &[])],
+    ),
+    (
+        "design surface.obj {unit} -o design --module triangle:{20}mm --tolerance {1}mm --chain 6",
+        &[Table("design/modules.csv", &["module", "qx", "qy", "qz", "qw"])],
+    ),
     (
         "lookup m/map.glb contacts.csv {unit} -o body.csv --level 1 --level body.L0 --level body.L1",
         &[Table("body.csv", &[])],
@@ -654,7 +745,23 @@ impl Built {
         let words = words
             .replace("{unit}", &self.law.unit())
             .replace("{8mm}", &(0.008 * scale).to_string())
-            .replace("{2}", &(2.0 * scale).to_string());
+            .replace("{stiff}", &(20.0 / scale).to_string());
+        let words = [1, 2, 15, 20].iter().fold(words, |words, &mm| {
+            words.replace(&format!("{{{mm}}}"), &(f64::from(mm) * scale).to_string())
+        });
+        let has_order = self.law.order.is_some() || self.law.is_split;
+        let may_differ = match words.split(' ').next() {
+            // Places of simulated touches are drawn from the faces in their order.
+            Some("touch") => has_order,
+            // Cuts and gaps between modules have lengths of their own; which modules come first follows the faces.
+            Some("design") => has_order || scale != 1.0,
+            // Of taxels that share an id the first has the row.
+            Some("response") => self.law.is_split,
+            _ => false,
+        };
+        if may_differ {
+            return outputs.iter().map(|_| Vec::new()).collect();
+        }
         let mut command = dermatome(self.folder.path(), &words);
         if words.starts_with("flatten") && !self.law.is_split {
             let first = self.map.patches.ids().find(|&id| self.number(id) == 0).unwrap();
@@ -670,6 +777,7 @@ impl Built {
             let mut rows = match output {
                 Table(name, left_out) => self.table(name, left_out),
                 Columns(name) => self.columns(name),
+                Reactive(name) => self.reactive(name),
                 Lines(name, left_out) => self.lines(name, left_out),
                 Arrays(name) => self.arrays(name),
                 Picture(name) => self.picture(name),
@@ -755,6 +863,8 @@ fn what_must_not_matter_to_a_skin_does_not() {
                     // Readings of 25 kPa with a noise of 0.05 kPa; middles of noisy places, axis by axis.
                     Arrays(_) => 1e-3,
                     Lines(..) => 1e-4,
+                    // Pressures of 6000 Pa of taxels that a sphere just touches.
+                    Columns("touch.csv") => 1.0,
                     _ => 1e-5,
                 };
                 wrong

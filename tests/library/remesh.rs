@@ -411,7 +411,11 @@ fn solids_that_pierce_each_other_lose_what_is_buried() {
         let block = solid(DVec3::new(0.06, 0.06, 0.04), DVec3::ZERO);
         let post = solid(DVec3::new(0.01, 0.01, 0.035), DVec3::Z * (0.02 + out - 0.0175));
         let mut draft = Draft { sheets: vec![block, post], ..Draft::default() };
-        keep_outer(&mut draft);
+        let left_out = keep_outer(&mut draft);
+        // The faces of the file count, not the parts that they are divided into.
+        assert!(left_out.faces + left_out.parts <= 24, "{left_out:?}");
+        let said = &left_out.notes()[0];
+        assert!(left_out.parts > 0 && said.contains("a part"), "{said}");
         let area: f64 = draft.sheets.iter().map(|sheet| area_where(sheet, |_| true)).sum();
         let right = 2.0 * 0.06 * 0.06 + 4.0 * 0.06 * 0.04 + 4.0 * 0.01 * out;
         assert!((area / right - 1.0).abs() < 0.01, "{area} m^2, right {right}, {} mm out", 1e3 * out);
@@ -420,6 +424,21 @@ fn solids_that_pierce_each_other_lose_what_is_buried() {
         let highest = draft.sheets[1].positions.iter().map(|p| p.z).fold(0.0, f64::max);
         assert!((highest - 0.02 - out).abs() < 1e-12);
     }
+}
+
+/// A mesh that a link has twice is kept once, also where its corners are numbered anew.
+#[test]
+fn faces_of_two_sheets_at_one_place_are_kept_once() {
+    let block = sheet(&block());
+    let again = Sheet {
+        positions: block.positions.iter().rev().copied().collect(),
+        triangles: block.triangles.iter().map(|&[a, b, c]| [7 - b, 7 - c, 7 - a]).collect(),
+        ..Sheet::default()
+    };
+    let mut draft = Draft { sheets: vec![block.clone(), again], ..Draft::default() };
+    let left_out = keep_outer(&mut draft);
+    assert_eq!((draft.sheets.len(), left_out.faces), (1, 12));
+    assert_eq!(draft.sheets[0].triangles, block.triangles);
 }
 
 /// A rod of 24 strips, each two triangles of 300 x 1 mm, whose middles lie in two blocks: most of what stands out of the blocks is kept.

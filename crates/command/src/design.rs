@@ -197,11 +197,12 @@ fn note_inner_sides(skin: &Skin, common: &Common) {
         sheets: skin.patches.iter().map(sheet).collect(),
         ..Draft::default()
     };
-    let dropped = keep_outer(&mut draft).faces;
+    let left_out = keep_outer(&mut draft);
+    let dropped = left_out.faces + left_out.parts;
     if dropped > 0 {
         note!(
             common,
-            "{dropped} faces are inside the body, as the inner sides of shells; --outer leaves them out"
+            "{dropped} faces are inside the body, as the inner sides of shells, or partly; --outer leaves them out"
         );
     }
 }

@@ -62,19 +62,33 @@ pub(super) fn can_divide(sheet: &Sheet) -> bool {
 ///
 /// The sheet is one that [`can_divide`].
 pub(super) fn divide(sheet: &mut Sheet, places: &mut Places, is_marked: &[bool]) -> Vec<usize> {
-    let mut edges = HashSet::new();
+    let (mut edges, mut is_end) = (HashSet::new(), vec![false; sheet.positions.len()]);
     let old = std::mem::take(&mut sheet.triangles);
     for (t, _) in old.iter().zip(is_marked).filter(|(_, marked)| **marked) {
         let length = |[a, b]: [u32; 2]| sheet.positions[a as usize].distance(sheet.positions[b as usize]);
         let longest = sides(*t).map(length).into_iter().fold(0.0, f64::max);
         let long = sides(*t).into_iter().filter(|&side| length(side) > 0.5 * longest);
-        edges.extend(long.map(|[a, b]| places.edge(a, b)));
+        for [a, b] in long {
+            let (a, b) = places.edge(a, b);
+            (is_end[a as usize], is_end[b as usize]) = (true, true);
+            edges.insert((a, b));
+        }
     }
     let (texture, materials) = (sheet.texture.take(), sheet.materials.take());
     let mut middles = HashMap::new();
     let (mut parents, mut cut_texture) = (Vec::new(), texture.as_ref().map(|_| Vec::new()));
     for (face, t) in old.iter().enumerate() {
-        let is_cut = sides(*t).map(|[a, b]| edges.contains(&places.edge(a, b)));
+        let is_cut = sides(*t).map(|[a, b]| {
+            let (a, b) = places.edge(a, b);
+            let may_be_cut = is_end[a as usize] && is_end[b as usize];
+            may_be_cut && edges.contains(&(a, b))
+        });
+        if is_cut == [false; 3] {
+            sheet.triangles.push(*t);
+            cut_texture.iter_mut().zip(&texture).for_each(|(cut, all)| cut.push(all[face]));
+            parents.push(face);
+            continue;
+        }
         for part in parts(is_cut) {
             let vertex = |k: usize| match k.checked_sub(3) {
                 None => t[k],

@@ -51,6 +51,8 @@ pub(super) struct Judged {
     /// The sheet, divided where faces are partly seen.
     pub(super) sheet: Sheet,
     pub(super) is_kept: Vec<bool>,
+    /// The face of the given sheet that each face is a part of.
+    pub(super) origins: Vec<usize>,
     /// The area of what is left out although some directions see it, in m^2.
     pub(super) glimpsed: f64,
 }
@@ -63,13 +65,16 @@ pub(super) fn judge(sight: &Sight, sheet: &Sheet) -> Judged {
     faces.drop_flat();
     let of = |k: usize| (faces.views[k].free >= MIN_GLIMPSE).then(|| 0.5 * faces.crosses[k].length());
     let glimpsed = (0..faces.views.len()).filter(|&k| !faces.views[k].is_seen).filter_map(of).sum();
-    Judged { is_kept: faces.views.iter().map(|view| view.is_seen).collect(), sheet: faces.sheet, glimpsed }
+    let is_kept = faces.views.iter().map(|view| view.is_seen).collect();
+    Judged { is_kept, origins: faces.origins, sheet: faces.sheet, glimpsed }
 }
 
 struct Faces<'a> {
     sight: &'a Sight,
     sheet: Sheet,
     places: Places,
+    /// The face of the given sheet that each face is a part of.
+    origins: Vec<usize>,
     crosses: Vec<DVec3>,
     /// The smooth region of each face.
     regions: Vec<usize>,
@@ -105,6 +110,7 @@ impl<'a> Faces<'a> {
             sight,
             sheet,
             places,
+            origins: (0..count).collect(),
             crosses: Vec::new(),
             regions: Vec::new(),
             views: vec![KEPT; count],
@@ -234,16 +240,22 @@ impl<'a> Faces<'a> {
         counts.iter().map(|counts| !counts.contains(&0)).collect()
     }
 
-    /// How a face is seen at points at most `apart` from each other, and whether some of them are seen and others not.
-    fn own_view(&self, face: usize, apart: f64, blockers: &mut Blockers) -> (View, bool) {
+    /// How a face is seen at points at most `apart` from each other, and whether some of them are seen and others not; where
+    /// it is divided then, no more points are viewed.
+    fn own_view(&self, face: usize, apart: f64, is_divided: bool, blockers: &mut Blockers) -> (View, bool) {
         let Some(at) = self.corners(face) else { return (KEPT, false) };
         let normal = self.crosses[face].normalize();
         let mut points = Vec::new();
         add_points(at, apart, &mut points);
-        let views: Vec<View> = points.iter().map(|&point| self.sight.view(point, normal, blockers)).collect();
-        let seen = views.iter().filter(|view| view.is_seen).count();
-        let free = views.iter().map(|view| view.free).sum::<f64>() / views.len() as f64;
-        (View { is_seen: 2 * seen >= views.len(), free }, seen > 0 && seen < views.len())
+        let (mut seen, mut tried, mut free) = (0, 0, 0.0);
+        for &point in &points {
+            let view = self.sight.view(point, normal, blockers);
+            (seen, tried, free) = (seen + usize::from(view.is_seen), tried + 1, free + view.free);
+            if is_divided && seen > 0 && seen < tried {
+                break;
+            }
+        }
+        (View { is_seen: 2 * seen >= tried, free: free / tried as f64 }, seen > 0 && seen < tried)
     }
 
     /// Judges large faces that are partly seen, and those at borders, by themselves, and divides what is partly seen.
@@ -256,13 +268,14 @@ impl<'a> Faces<'a> {
             if fresh.is_empty() {
                 break;
             }
+            let can_divide = !is_whole && round + 1 < MAX_ROUNDS && self.views.len() < MAX_FACES;
             let judged: Vec<(View, bool)> = fresh
                 .par_iter()
                 .map_init(Blockers::default, |blockers, &(face, may_be_divided)| {
                     let size = self.size(face);
                     let apart = if size > cell { cell } else { 0.5 * size };
                     let apart = if may_be_divided && size > finest { apart } else { f64::INFINITY };
-                    self.own_view(face, apart, blockers)
+                    self.own_view(face, apart, can_divide, blockers)
                 })
                 .collect();
             let mut is_mixed = vec![false; self.views.len()];
@@ -270,10 +283,10 @@ impl<'a> Faces<'a> {
                 (self.views[face], self.is_own[face]) = (view, true);
                 is_mixed[face] = mixed;
             }
-            let can_divide = !is_whole && round + 1 < MAX_ROUNDS && self.views.len() < MAX_FACES;
             let mut parts = Vec::new();
             if can_divide && is_mixed.contains(&true) {
                 let parents = divide(&mut self.sheet, &mut self.places, &is_mixed);
+                self.origins = parents.iter().map(|&face| self.origins[face]).collect();
                 self.regions = parents.iter().map(|&face| self.regions[face]).collect();
                 self.views = parents.iter().map(|&face| self.views[face]).collect();
                 self.is_own = parents.iter().map(|&face| self.is_own[face] && !is_mixed[face]).collect();
@@ -293,9 +306,13 @@ impl<'a> Faces<'a> {
     /// of the file are judged in their middle, and stay.
     fn fresh(&self, parts: Vec<usize>) -> Vec<(usize, bool)> {
         let cell = CELL * self.sight.size;
+        // How these are seen is not known yet.
+        let mut is_waiting = vec![false; self.views.len()];
+        parts.iter().for_each(|&face| is_waiting[face] = true);
         let differ = |pair: &&Pair| {
             let [a, b] = pair.faces;
-            pair.is_smooth && self.views[a].is_seen != self.views[b].is_seen
+            let are_known = !is_waiting[a] && !is_waiting[b];
+            pair.is_smooth && are_known && self.views[a].is_seen != self.views[b].is_seen
         };
         let at_border = self.pairs.iter().filter(differ).flat_map(|pair| pair.faces);
         let is_open = |face: &usize| !self.is_own[*face] && self.is_judged(*face);
