@@ -75,7 +75,7 @@ def test_xarray_there_and_back(two_channels):
     with pytest.raises(DataError, match="axes"):
         Readings.from_xarray(array.rename(taxel="column"))
     # A channel alone keeps its name, and a threshold is of the channel that it was of.
-    named = replace(two_channels, units=(), threshold=0.5)
+    named = replace(two_channels, units=("", ""), threshold=0.5)
     for name, threshold in (("force", 0.5), ("temperature", None)):
         one, expected = Readings.from_xarray(named.to_xarray().sel(channel=name)), named.select(name)
         assert (one.channels, one.extensive, one.threshold) == (expected.channels, expected.extensive, threshold)
