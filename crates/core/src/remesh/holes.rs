@@ -4,12 +4,13 @@
 //! nearer to the rims of these than to the others. Vertices on straight rims are in line: faces lower than [`LOWEST`]
 //! are taken only where there is no other triangulation.
 
+use std::borrow::Cow;
+
 use glam::DVec3;
 
 use crate::id::VertexId;
-use crate::mesh::{TriMesh, boundary_loops, fill_loops};
+use crate::mesh::{MeshError, TriMesh, boundary_loops, fill_loops};
 use crate::remesh::surface::Surface;
-use crate::remesh::{Covered, RemeshError, cover};
 use crate::skin::Patch;
 
 /// Faces in a hole are at least this high where that is possible, over the spacing.
@@ -18,39 +19,54 @@ const LOWEST: f64 = 0.03;
 /// A hole with more taxels around stays open: time grows with the cube of their number, 1000 take some seconds.
 const MOST_TAXELS: usize = 1000;
 
-/// A patch covered anew but for its filled holes, which are filled again.
+/// What fills the holes of a mesh again.
+#[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Filled {
-    pub(super) covered: Covered,
     /// How many of the last faces fill holes.
     pub(super) faces: usize,
     /// How many holes are too large to be filled.
     pub(super) open: usize,
 }
 
-pub(super) fn cover_skin(patch: &Patch, spacing: f64) -> Result<Filled, RemeshError> {
-    let own = patch.mesh.triangles.len().saturating_sub(patch.filled);
-    if patch.filled == 0 || own == 0 {
-        return Ok(Filled { covered: cover(&patch.mesh, spacing)?, faces: 0, open: 0 });
+/// The mesh of a patch with its filled holes open.
+pub(super) fn opened(patch: &Patch) -> Cow<'_, TriMesh> {
+    let own = own_faces(patch);
+    if own == patch.mesh.triangles.len() {
+        return Cow::Borrowed(&patch.mesh);
     }
     let faces = patch.mesh.triangles.iter().take(own).copied();
-    let skin = TriMesh { positions: patch.mesh.positions.clone(), triangles: faces.collect() };
-    let mut covered = cover(&skin, spacing)?;
-    let [of_filled, of_others] = rims(patch, own).map(|rims| Surface::of_segments(&skin.positions, &rims));
+    Cow::Owned(TriMesh { positions: patch.mesh.positions.clone(), triangles: faces.collect() })
+}
+
+/// How many faces, the first ones, are skin: all, if none is.
+fn own_faces(patch: &Patch) -> usize {
+    let all = patch.mesh.triangles.len();
+    if patch.filled < all { all - patch.filled } else { all }
+}
+
+/// Fills the filled holes of a patch again in the new mesh that covers it.
+pub(super) fn fill_again(mesh: &mut TriMesh, patch: &Patch, spacing: f64) -> Result<Filled, MeshError> {
+    let own = own_faces(patch);
+    if own == patch.mesh.triangles.len() {
+        return Ok(Filled::default());
+    }
+    let [of_filled, of_others] =
+        rims(patch, own).map(|rims| Surface::of_segments(&patch.mesh.positions, &rims));
     let distance = |to: &Option<Surface>, at: DVec3| {
         let nearest = to.as_ref().and_then(|rims| rims.nearest(at, DVec3::ZERO, None));
         nearest.map_or(f64::INFINITY, |nearest| nearest.point.distance(at))
     };
     let is_filled = |walk: &Vec<VertexId>| {
-        let at = walk.iter().map(|&v| covered.mesh.positions[v]);
+        let at = walk.iter().map(|&v| mesh.positions[v]);
         let nearer = at.filter(|&at| distance(&of_filled, at) < distance(&of_others, at));
         2 * nearer.count() > walk.len()
     };
-    let holes: Vec<Vec<VertexId>> = boundary_loops(&covered.mesh).into_iter().filter(is_filled).collect();
+    let holes: Vec<Vec<VertexId>> = boundary_loops(mesh).into_iter().filter(is_filled).collect();
     let (large, small): (Vec<_>, Vec<_>) = holes.into_iter().partition(|walk| walk.len() > MOST_TAXELS);
-    let [known, wanted] = [covered.mesh.triangles.len(), small.len()];
-    let filled = fill_loops(&mut covered.mesh, small, LOWEST * spacing)?;
-    let faces = covered.mesh.triangles.len() - known;
-    Ok(Filled { covered, faces, open: large.len() + wanted - filled })
+    let [known, wanted] = [mesh.triangles.len(), small.len()];
+    let filled = fill_loops(mesh, small, LOWEST * spacing)?;
+    let faces = mesh.triangles.len() - known;
+    Ok(Filled { faces, open: large.len() + wanted - filled })
 }
 
 /// The edges of the rims of filled holes, and those of the others.

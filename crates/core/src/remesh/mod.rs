@@ -45,7 +45,7 @@ use crate::mesh::{
     FillHoles, Halfedge, HalfedgeMesh, MeshError, TriMesh, fill_holes, fill_shorter, triangle_cross,
 };
 use crate::remesh::faces::{FLAT, Thin, height};
-use crate::remesh::holes::{Filled, cover_skin};
+use crate::remesh::holes::{Filled, fill_again, opened};
 use crate::remesh::joints::follow_links;
 use crate::remesh::lost::{lost, pin};
 use crate::remesh::moves::sharp_neighbours;
@@ -311,7 +311,8 @@ pub fn remesh_skin(skin: &Skin, spacings: &[f64], run: Run<'_>) -> Result<Remesh
         patches.into_iter().partition(|(patch, spacing)| patch.mesh.area() >= least_area(*spacing));
     let fresh = |&(patch, spacing): &(&Patch, f64)| {
         run.check()?;
-        let Filled { covered: Covered { mesh, lost }, faces, open } = cover_skin(patch, spacing)?;
+        let Covered { mut mesh, lost } = cover(&opened(patch), spacing)?;
+        let Filled { faces, open } = fill_again(&mut mesh, patch, spacing)?;
         let mut fresh = Patch { filled: faces, ..Patch::from_mesh(patch.name.clone(), patch.link, mesh) };
         follow_links(&mut fresh, patch)?;
         Ok((fresh, lost.1, open))
