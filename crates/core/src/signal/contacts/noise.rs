@@ -106,7 +106,7 @@ impl Threshold {
         let Self::Learning(kept) = self else { return false };
         let taxels = neighbours.len();
         let frames = kept.len() / taxels.max(1);
-        if frames < 2 || kept.iter().all(|x| !x.is_finite()) {
+        if frames < 2 {
             *self = Self::Unknown;
             return false;
         }
