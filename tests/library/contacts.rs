@@ -56,6 +56,16 @@ fn bells(map: &SkinMap, bells: &[(DVec2, f64)]) -> Frame {
     frame
 }
 
+/// Frame `k` of noise about what three taxels next to each other, and all others, read.
+fn noisy(map: &SkinMap, k: u32, reading: impl Fn(bool) -> f64) -> Frame {
+    let mut frame = Frame::new(map, 1);
+    for (taxel, x) in (0_u32..).zip(frame.values[patch()][0].iter_mut()) {
+        let noise = f64::from((k * 7919 + taxel * 104_729) % 997) / 997.0;
+        *x = noise + reading([70, 71, 130].contains(&taxel));
+    }
+    frame
+}
+
 fn tracks(regions: &[ContactRegion]) -> Vec<(u64, ContactEvent)> {
     regions.iter().map(|region| (region.track, region.event)).collect()
 }
@@ -479,12 +489,8 @@ fn a_dead_taxel_does_not_cut_a_contact() {
 fn taxels_that_do_not_rest_at_zero_are_no_contact() {
     let map = plane();
     let mut tracker = ContactTracker::new(&map, &pascals(), &TrackerOptions::default()).unwrap();
-    for k in 0..40_u32 {
-        let mut frame = bells(&map, &[]);
-        for (taxel, x) in (0_u32..).zip(frame.values[patch()][0].iter_mut()) {
-            let noise = f64::from((k * 7919 + taxel * 104_729) % 997) / 997.0;
-            *x = noise + if [70, 71, 130].contains(&taxel) { 500.0 } else { 0.0 };
-        }
+    for k in 0..40 {
+        let frame = noisy(&map, k, |is_other| if is_other { 500.0 } else { 0.0 });
         assert_eq!(tracker.track(&frame).len(), 0, "frame {k}");
     }
 }
@@ -494,13 +500,8 @@ fn taxels_that_do_not_rest_at_zero_are_no_contact() {
 fn taxels_that_answer_late_are_no_contact() {
     let map = plane();
     let mut tracker = ContactTracker::new(&map, &pascals(), &TrackerOptions::default()).unwrap();
-    for k in 0..40_u32 {
-        let mut frame = bells(&map, &[]);
-        for (taxel, x) in (0_u32..).zip(frame.values[patch()][0].iter_mut()) {
-            let noise = f64::from((k * 7919 + taxel * 104_729) % 997) / 997.0;
-            let is_late = k < 8 && [70, 71, 130].contains(&taxel);
-            *x = if is_late { f64::NAN } else { 3000.0 + noise };
-        }
+    for k in 0..40 {
+        let frame = noisy(&map, k, |is_late| if is_late && k < 8 { f64::NAN } else { 3000.0 });
         assert_eq!(tracker.track(&frame).len(), 0, "frame {k}");
     }
 }
