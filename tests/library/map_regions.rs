@@ -10,7 +10,7 @@ use dermatome::io::{
 use dermatome::map::{FieldRegions, MapError, SkinMap};
 use dermatome::mesh::shapes;
 use dermatome::pyramid::LevelId;
-use dermatome::signal::{GroupPool, Quantity};
+use dermatome::signal::{Channel, GroupPool, Quantity};
 use dermatome::skin::{AssembleOptions, PatchId, TaxelId, assemble};
 use glam::DVec2;
 
@@ -209,7 +209,7 @@ fn fields_and_pools_follow_the_taxels() {
             assert_eq!(fields.name(id, level, v).is_some(), p.x < 0.0, "level {level}, field {v}");
         }
     }
-    let pool = GroupPool::of_regions(&map);
+    let pool = GroupPool::of_regions(&map, &Channel::default());
     let ones = vec![1.0; positions.len()];
     assert_eq!(pool.pool(&ones, Quantity::Extensive), [left.len() as f64]);
     let mut some = vec![f64::NAN; positions.len()];

@@ -32,7 +32,11 @@ pub(crate) fn any_array<'py>(
     value: &Bound<'py, PyAny>,
     needed: &str,
 ) -> PyResult<Bound<'py, PyAny>> {
-    value.py().import("numpy")?.call_method1("asarray", (value,)).map_err(|cause| {
+    let numpy = value.py().import("numpy")?;
+    if numpy.getattr("ma")?.call_method1("is_masked", (value,))?.is_truthy()? {
+        return Err(bad(name, "masked numbers", format!("{needed}: .filled(numpy.nan) makes one")));
+    }
+    numpy.call_method1("asarray", (value,)).map_err(|cause| {
         let class = value.get_type().name().map_or_else(|_| "an object".to_owned(), |name| name.to_string());
         let is_tensor = value.hasattr("detach").unwrap_or(false);
         let how = if is_tensor { ": .detach().cpu().float() is one" } else { "" };
@@ -49,9 +53,6 @@ fn array_of<'py, T: Element>(
     [kinds, dtype, needed]: [&str; 3],
 ) -> PyResult<PyReadonlyArrayDyn<'py, T>> {
     let numpy = value.py().import("numpy")?;
-    if numpy.getattr("ma")?.call_method1("is_masked", (value,))?.is_truthy()? {
-        return Err(bad(name, "masked numbers", format!("{needed}: .filled(numpy.nan) makes one")));
-    }
     let array = any_array(name, value, needed)?;
     let found = array.getattr("dtype")?;
     let kind: String = found.getattr("kind")?.extract()?;
@@ -95,9 +96,9 @@ impl Reals<'_> {
 
 /// One code for each of `count` things: whole numbers, or a mask of bool as 0 and 1.
 pub(crate) fn one_code_each(name: &str, value: &Bound<'_, PyAny>, count: usize) -> PyResult<Vec<u32>> {
-    let kind = value.getattr("dtype").and_then(|dtype| dtype.getattr("kind"));
-    if kind.is_ok_and(|kind| kind.eq("b").unwrap_or(false)) {
-        return one_number_each(name, &value.call_method1("astype", ("u1",))?, count);
+    let array = any_array(name, value, "an array of integers or of bool")?;
+    if array.getattr("dtype")?.getattr("kind")?.eq("b")? {
+        return one_number_each(name, &array.call_method1("astype", ("u1",))?, count);
     }
     one_number_each(name, value, count)
 }

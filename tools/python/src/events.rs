@@ -19,7 +19,7 @@ use pyo3::{
 };
 
 use crate::{
-    arguments::{arg, object},
+    arguments::{arg, object, part},
     arrays::{bad_shape, floats, vector},
     errors::{bad, error},
     jobs::run,
@@ -284,16 +284,16 @@ fn set(options: &mut EventOptions, name: &str, value: &Bound<'_, PyAny>) -> PyRe
         "hit_s" => &mut options.hit_s,
         "hit_n" => options.hit_n.insert(0.0),
         "rub_turns" => {
-            options.rub_turns = count(name, value.extract()?)?;
+            options.rub_turns = count(name, part(name, value)?)?;
             return Ok(());
         }
         "pat_taps" => {
-            options.pat_taps = count(name, value.extract()?)?;
+            options.pat_taps = count(name, part(name, value)?)?;
             return Ok(());
         }
         _ => return Err(bad("limits", format!("{name:?}"), "a limit of a word, as tap_s")),
     };
-    *limit = value.extract()?;
+    *limit = part(name, value)?;
     Ok(())
 }
 

@@ -21,7 +21,7 @@ use dermatome::{
     map::{FieldRegions, PatchMap},
     pyramid::LevelId,
     report::measure,
-    signal::{Carry, GroupPool, Quantity},
+    signal::{Carry, Channel, GroupPool, Quantity},
     skin::{PatchId, Presence},
 };
 use glam::DVec3;
@@ -39,7 +39,7 @@ use crate::{
     jobs::run,
     level::PyPatch,
     matrix::{PyMatrix, Rows},
-    options::{Extensive, PackArg, count, level},
+    options::{PackArg, PerChannel, channel, count, level},
     plot::{PlotArgs, PyPicture},
     pool::{
         FieldArrays, LevelArg, MapLevel, NamedLevel, Pooling, fields_of, pool_fields, pool_groups,
@@ -446,6 +446,8 @@ impl PyMap {
     /// extensive : bool
     ///     Whether they are amounts, as forces, which are summed, and not averages, as pressures, which are weighted by the
     ///     areas of the taxels.
+    /// modality : str, optional
+    ///     Of which modality besides touch they are, as "thermal" (`Readings.modalities` says so).
     ///
     /// Returns
     /// -------
@@ -456,18 +458,20 @@ impl PyMap {
     /// ------
     /// DataError
     ///     If the shape is another.
-    #[pyo3(signature = (values, *, extensive=false))]
+    #[pyo3(signature = (values, *, extensive=false, modality=None))]
     fn pool_regions<'py>(
         &self,
         py: Python<'py>,
         values: &Bound<'py, PyAny>,
         #[pyo3(from_py_with = arg)] extensive: bool,
+        #[pyo3(from_py_with = arg)] modality: Option<&str>,
     ) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
-        pool_groups(py, &self.map, values, &GroupPool::of_regions(&self.map), extensive)
+        let channel = channel(&self.map, extensive, modality)?;
+        pool_groups(py, &self.map, values, &GroupPool::of_regions(&self.map, &channel), channel.quantity)
     }
 
     /// As `pool_regions`, for groups of taxels with numbers below `count`, -1 for none.
-    #[pyo3(signature = (values, groups, count, *, extensive=false))]
+    #[pyo3(signature = (values, groups, count, *, extensive=false, modality=None))]
     fn _pool_groups<'py>(
         &self,
         py: Python<'py>,
@@ -475,13 +479,16 @@ impl PyMap {
         groups: Vec<i64>,
         count: usize,
         extensive: bool,
+        modality: Option<&str>,
     ) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
         let needed = self.n_taxels();
         if groups.len() != needed {
             return Err(bad_shape("groups", &[groups.len()], format!("shape ({needed},)")));
         }
         let groups = groups.into_iter().map(|group| usize::try_from(group).ok());
-        pool_groups(py, &self.map, values, &GroupPool::new(&self.map, groups, count), extensive)
+        let channel = channel(&self.map, extensive, modality)?;
+        let groups = GroupPool::new(&self.map, &channel, groups, count);
+        pool_groups(py, &self.map, values, &groups, channel.quantity)
     }
 
     /// dict or None: The map of another skin that this one is drawn on: its "name" and "hash", and whether this one is
@@ -721,6 +728,9 @@ impl PyMap {
     ///     Whether they are amounts, as forces, which are summed, and not averages, as pressures.
     /// contrast : bool
     ///     Whether what the level shows beyond the next coarser one is returned instead.
+    /// modality : str, optional
+    ///     Of which modality besides touch they are, as "thermal" (`Readings.modalities` says so): on patches with sensors of it
+    ///     these have readings, and no other taxel. A level of a modality has that.
     /// threads : int
     ///     0 for one per processor.
     ///
@@ -742,7 +752,8 @@ impl PyMap {
     /// >>> pooled = skin_map.pool(np.full((5, 144), 2.5), level=1)
     /// >>> len(pooled), bool(np.all(pooled == 2.5))
     /// (5, True)
-    #[pyo3(signature = (values, level, *, extensive=false, contrast=false, threads=0))]
+    #[pyo3(signature = (values, level, *, extensive=false, contrast=false, modality=None, threads=0))]
+    #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
     fn pool<'py>(
         &self,
         py: Python<'py>,
@@ -750,20 +761,45 @@ impl PyMap {
         #[pyo3(from_py_with = arg)] level: LevelArg,
         #[pyo3(from_py_with = arg)] extensive: bool,
         #[pyo3(from_py_with = arg)] contrast: bool,
+        #[pyo3(from_py_with = arg)] modality: Option<&str>,
         #[pyo3(from_py_with = arg)] threads: i64,
     ) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
+        let channel = channel(&self.map, extensive, modality)?;
         let level = match level.of(&self.map)? {
             MapLevel::Patches(level) => level,
             MapLevel::Fields(_) if contrast => {
                 return Err(bad("contrast", "True", "False for a level of the whole body or of a modality"));
             }
             MapLevel::Fields(at) => {
-                return pool_fields(py, &self.map, values, at, extensive, count("threads", threads)?);
+                return pool_fields(py, &self.map, values, at, &channel, count("threads", threads)?);
             }
         };
         let (threads, pooling) =
-            (count("threads", threads)?, Pooling { map: &self.map, level, extensive, contrast });
+            (count("threads", threads)?, Pooling { map: &self.map, level, channel, contrast });
         pooling.pool(py, values, threads)
+    }
+
+    /// Of which modality besides touch the readings of a channel are, as "thermal": one whose sensors the map has, by the name
+    /// or the unit of the channel; else None.
+    #[pyo3(signature = (channel, unit=""))]
+    fn modality(
+        &self,
+        #[pyo3(from_py_with = arg)] channel: &str,
+        #[pyo3(from_py_with = arg)] unit: &str,
+    ) -> PyResult<Option<String>> {
+        let channel = Channel::new(channel, unit).map_err(error)?;
+        Ok(channel.modality(&self.map).map(str::to_owned))
+    }
+
+    /// (N,) bool array: Which taxels the readings of a modality are of; of None, those of touch.
+    #[pyo3(signature = (modality=None))]
+    fn _read<'py>(
+        &self,
+        py: Python<'py>,
+        #[pyo3(from_py_with = arg)] modality: Option<&str>,
+    ) -> PyResult<Bound<'py, PyArray1<bool>>> {
+        let is_read = channel(&self.map, false, modality)?.taxels(&self.map);
+        Ok(vector(py, is_read.iter().flatten().copied()))
     }
 
     /// Make the map ready to be asked what is near a point.
@@ -804,9 +840,12 @@ impl PyMap {
     /// patch : str, optional
     ///     The patch; needed if the map has several and they are not packed.
     /// channels : int, optional
-    ///     Number of channels of the readings, C; by default as many as `extensive` has, or any.
+    ///     Number of channels of the readings, C; by default as many as `extensive` or `modality` has, or any.
     /// extensive : bool, or a sequence of one for each channel
     ///     Whether readings are amounts, as forces, and not averages, as pressures; `Readings.extensive` says so.
+    /// modality : str, or a sequence of one or None for each channel, optional
+    ///     Of which modality besides touch readings are, as "thermal"; `Readings.modalities` says so. On patches with sensors of
+    ///     it these have readings, and no other taxel.
     /// size : (2,) sequence of int, optional
     ///     Height and width of the images, in pixels.
     /// pixel : float, optional
@@ -830,7 +869,7 @@ impl PyMap {
     /// ------
     /// DataError
     ///     If the map has no such level or patch, or size, pixel, channels, pack or fill cannot be used together.
-    #[pyo3(signature = (level=0, *, patch=None, channels=None, extensive=None, size=None,
+    #[pyo3(signature = (level=0, *, patch=None, channels=None, extensive=None, modality=None, size=None,
         pixel=None, pack=None, fill=None, mask=false, atlas=None))]
     #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
     fn renderer(
@@ -839,6 +878,7 @@ impl PyMap {
         #[pyo3(from_py_with = arg)] patch: Option<String>,
         #[pyo3(from_py_with = arg)] channels: Option<i64>,
         extensive: Option<&Bound<'_, PyAny>>,
+        modality: Option<&Bound<'_, PyAny>>,
         #[pyo3(from_py_with = arg)] size: Option<[u32; 2]>,
         #[pyo3(from_py_with = arg)] pixel: Option<f64>,
         #[pyo3(from_py_with = arg)] pack: Option<PackArg>,
@@ -846,8 +886,10 @@ impl PyMap {
         #[pyo3(from_py_with = arg)] mask: bool,
         atlas: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<PyRenderer> {
-        let (pack, extensive) = (pack.map(PackArg::read).transpose()?.flatten(), Extensive::read(extensive)?);
-        let args = RenderArgs { level, patch, channels, extensive, size, pixel, pack, fill, mask };
+        let pack = pack.map(PackArg::read).transpose()?.flatten();
+        let extensive = PerChannel::read("extensive", extensive, "True or False")?;
+        let modality = PerChannel::read("modality", modality, "a name")?;
+        let args = RenderArgs { level, patch, channels, extensive, modality, size, pixel, pack, fill, mask };
         let canvas = match atlas.map(|atlas| (atlas, atlas.cast::<PyMap>())) {
             None => None,
             Some((_, Ok(canvas))) => Some(canvas.clone().unbind()),
@@ -880,8 +922,11 @@ impl PyMap {
     ///     Width of the picture, in pixels.
     /// extensive : bool
     ///     Whether readings are amounts, as forces.
+    /// modality : str, optional
+    ///     Of which modality besides touch they are, as "thermal"; `Readings.modalities` says so.
     /// ax : matplotlib.axes.Axes, optional
-    ///     Axes that show the picture, too.
+    ///     Axes that show it, too: fields or readings of one patch and level (by default the finest) in map coordinates, in m,
+    ///     so that what else is drawn there has its place; of several, and what `show`, `space` or `unfold` ask for, the picture.
     ///
     /// Returns
     /// -------
@@ -892,7 +937,7 @@ impl PyMap {
     /// DataError
     ///     If the shape is another, the map has no such patch or level, or a number is out of its range.
     #[pyo3(signature = (values=None, *, patches=None, levels=None, show="fields", space=false, view=None, unfold=None,
-        range=None, width=1600, extensive=false, ax=None))]
+        range=None, width=1600, extensive=false, modality=None, ax=None))]
     #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
     fn plot(
         slf: &Bound<'_, Self>,
@@ -906,6 +951,7 @@ impl PyMap {
         #[pyo3(from_py_with = arg)] range: Option<[f64; 2]>,
         #[pyo3(from_py_with = arg)] width: u32,
         #[pyo3(from_py_with = arg)] extensive: bool,
+        #[pyo3(from_py_with = arg)] modality: Option<String>,
         ax: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<PyPicture> {
         if let Some(ax) = ax.filter(|ax| !ax.hasattr("imshow").unwrap_or(false)) {
@@ -913,14 +959,23 @@ impl PyMap {
         }
         let map = slf.get();
         let level = |&found: &i64| self::level("levels", found, map.levels());
-        let levels = levels.unwrap_or_default().iter().map(level).collect::<PyResult<_>>()?;
+        let levels: Vec<LevelId> = levels.unwrap_or_default().iter().map(level).collect::<PyResult<_>>()?;
         let values = values.map(|values| one_each("values", values, map.n_taxels())).transpose()?;
         let (patches, unfold) = (patches.unwrap_or_default(), unfold.unwrap_or_default());
-        let args = PlotArgs { patches, levels, show, space, view, unfold, range, width, extensive };
+        // What axes show in map coordinates.
+        let is_plain = show == "fields" && !space && view.is_none() && unfold.is_empty();
+        let one = match (&patches[..], &levels[..]) {
+            ([_], []) => Some(0),
+            ([], []) if map.map.patches.len() == 1 => Some(0),
+            ([_], [level]) => Some(level.index()),
+            ([], [level]) if map.map.patches.len() == 1 => Some(level.index()),
+            _ => None,
+        };
+        let one = one.filter(|_| is_plain).map(|level| (patches.first().cloned(), level));
+        let args = PlotArgs { patches, levels, show, space, view, unfold, range, width, extensive, modality };
         let picture = PyPicture::new(slf, values, args)?;
         if let Some(ax) = ax {
-            ax.call_method1("imshow", (picture.array(slf.py())?,))?;
-            ax.call_method1("axis", ("off",))?;
+            picture.show_on(ax, one)?;
         }
         Ok(picture)
     }

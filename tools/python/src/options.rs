@@ -1,6 +1,7 @@
 //! Options that are words, and the options of the command that several functions take.
 
 use dermatome::{
+    SkinMap,
     atlas::Pack,
     cut::Cut,
     flatten::{Boundary, Energy, FlattenOptions, Method, Overlap},
@@ -105,34 +106,55 @@ pub(crate) fn quantity(extensive: bool) -> Quantity {
     if extensive { Quantity::Extensive } else { Quantity::Intensive }
 }
 
-/// Channels without names: amounts, or averages.
-pub(crate) fn channels(extensive: impl IntoIterator<Item = bool>) -> Vec<Channel> {
-    let channel = |extensive| Channel { quantity: quantity(extensive), ..Channel::default() };
-    extensive.into_iter().map(channel).collect()
+/// What the readings of a channel are: an amount or an average, and of which modality besides touch.
+pub(crate) fn channel(map: &SkinMap, extensive: bool, modality: Option<&str>) -> PyResult<Channel> {
+    let all = || map.body.modalities.iter().map(|modality| &*modality.name);
+    if let Some(name) = modality.filter(|name| all().all(|known| known != *name)) {
+        let mut known: Vec<String> = all().map(|known| format!("{known:?}")).collect();
+        known.dedup();
+        let needed = match &known[..] {
+            [] => "None: the map has no sensors but those of touch".to_owned(),
+            known => format!("None for touch, or one of the map: {}", known.join(", ")),
+        };
+        return Err(bad("modality", format!("{name:?}"), needed));
+    }
+    let name = modality.unwrap_or_default().to_owned();
+    Ok(Channel { name, quantity: quantity(extensive), ..Channel::default() })
 }
 
-/// Whether channels are amounts: one word for all, or one for each.
+/// What holds for all channels, or one for each.
 #[derive(Debug, Clone)]
-pub(crate) enum Extensive {
-    All(bool),
-    Each(Vec<bool>),
+pub(crate) enum PerChannel<T> {
+    All(T),
+    Each(Vec<T>),
 }
 
-impl Extensive {
-    pub(crate) fn read(value: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
-        let Some(value) = value else { return Ok(Self::All(false)) };
-        let each = value.extract().map(Self::All).or_else(|_| value.extract().map(Self::Each));
-        each.map_err(|_: PyErr| bad("extensive", found(value), "True or False, or one for each channel"))
+impl<T: Clone + Default + for<'py> FromPyObjectOwned<'py>> PerChannel<T> {
+    pub(crate) fn read(argument: &str, value: Option<&Bound<'_, PyAny>>, needed: &str) -> PyResult<Self> {
+        let Some(value) = value else { return Ok(Self::All(T::default())) };
+        if let Ok(all) = value.extract() {
+            return Ok(Self::All(all));
+        }
+        let each = value.extract().map(Self::Each);
+        each.map_err(|_: PyErr| bad(argument, found(value), format!("{needed}, or one for each channel")))
     }
 
-    /// One for each of some channels; by default of as many as there are words.
-    pub(crate) fn of_channels(&self, channels: Option<usize>) -> PyResult<Vec<bool>> {
-        match (self, channels) {
-            (Self::All(one), count) => Ok(vec![*one; count.unwrap_or(1)]),
-            (Self::Each(all), Some(count)) if all.len() != count => {
-                Err(bad("extensive", all.len(), format!("one, or {count}: one for each channel")))
+    /// For how many channels there is one each.
+    pub(crate) fn count(&self) -> Option<usize> {
+        match self {
+            Self::All(_) => None,
+            Self::Each(each) => Some(each.len()),
+        }
+    }
+
+    /// One for each of some channels.
+    pub(crate) fn of_channels(&self, argument: &str, channels: usize) -> PyResult<Vec<T>> {
+        match self {
+            Self::All(one) => Ok(vec![one.clone(); channels]),
+            Self::Each(each) if each.len() != channels => {
+                Err(bad(argument, each.len(), format!("one, or {channels}: one for each channel")))
             }
-            (Self::Each(all), _) => Ok(all.clone()),
+            Self::Each(each) => Ok(each.clone()),
         }
     }
 }

@@ -20,7 +20,7 @@ use crate::{
     errors::{bad, error},
     jobs::run,
     map::PyMap,
-    options::{channels, word},
+    options::{channel, word},
 };
 
 /// A picture; notebooks show it. It is pickled as its map and what was asked of it.
@@ -51,11 +51,12 @@ pub(crate) struct PlotArgs<'a> {
     pub(crate) range: Option<[f64; 2]>,
     pub(crate) width: u32,
     pub(crate) extensive: bool,
+    pub(crate) modality: Option<String>,
 }
 
 impl PlotArgs<'_> {
     fn options(&self, py: Python<'_>) -> PyResult<Py<PyDict>> {
-        let Self { patches, levels, show, space, view, unfold, range, width, extensive } = self;
+        let Self { patches, levels, show, space, view, unfold, range, width, extensive, modality } = self;
         let options = PyDict::new(py);
         options.set_item("patches", patches)?;
         options.set_item("levels", levels.iter().map(|level| level.index()).collect::<Vec<_>>())?;
@@ -66,6 +67,7 @@ impl PlotArgs<'_> {
         options.set_item("range", range)?;
         options.set_item("width", width)?;
         options.set_item("extensive", extensive)?;
+        options.set_item("modality", modality)?;
         Ok(options.unbind())
     }
 }
@@ -101,15 +103,34 @@ impl PyPicture {
             range: args.range,
             width_px: args.width,
         };
-        let (map, extensive, shown) = (Arc::clone(&of.get().map), args.extensive, values.clone());
+        let channel = channel(&of.get().map, args.extensive, args.modality.as_deref())?;
+        let (map, shown) = (Arc::clone(&of.get().map), values.clone());
         let picture = run(py, 0, move |_| -> Result<Picture, dermatome::Error> {
             let Some(values) = shown else { return Ok(plot_map(&map, &options)?) };
-            let channels = channels([extensive]);
+            let channels = [channel];
             let mut batch = Batch::new(&map, &channels, Carried::Values, None)?;
             Ok(plot_frame(&map, batch.levels(&values), &channels, 0, &options)?)
         })?;
         let picture = Arc::new(picture.map_err(error)?);
         Ok(Self { picture, map: of.clone().unbind(), values, options: given })
+    }
+
+    /// Shows it on axes of matplotlib: one patch, by its name or the only one, and level in map coordinates; or the pixels.
+    pub(crate) fn show_on(
+        &self,
+        ax: &Bound<'_, PyAny>,
+        one: Option<(Option<String>, usize)>,
+    ) -> PyResult<()> {
+        let py = ax.py();
+        let Some((patch, level)) = one else {
+            ax.call_method1("imshow", (self.array(py)?,))?;
+            ax.call_method1("axis", ("off",))?;
+            return Ok(());
+        };
+        let values = self.values.as_ref().map(|values| vector(py, values.iter().copied()));
+        let args = (ax, self.map.bind(py), patch, level, values, self.options.bind(py));
+        py.import("dermatome._shown")?.call_method1("on_axes", args)?;
+        Ok(())
     }
 }
 

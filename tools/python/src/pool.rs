@@ -1,5 +1,7 @@
 //! The fields of a level of a whole map, and readings carried to them and to regions.
 
+use std::slice;
+
 use dermatome::{
     SkinMap,
     body::{Body, FieldLevel},
@@ -8,7 +10,7 @@ use dermatome::{
     map::{PatchMap, RegionId},
     pyramid::LevelId,
     recording::{Batch, Carried},
-    signal::{BodyFields, Channel, Duplicates, Frame, GroupPool, Join, SignalError},
+    signal::{BodyFields, Channel, Duplicates, Frame, GroupPool, Join, Quantity, SignalError},
     skin::PatchId,
 };
 use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
@@ -20,7 +22,7 @@ use crate::{
     errors::{bad, error},
     jobs::run_here,
     matrix::{PyMatrix, Rows},
-    options::{channels, level, quantity},
+    options::level,
 };
 
 /// Patch, level and index of each field.
@@ -94,7 +96,7 @@ pub(crate) fn pool_groups<'py>(
     map: &SkinMap,
     values: &Bound<'py, PyAny>,
     groups: &GroupPool,
-    extensive: bool,
+    quantity: Quantity,
 ) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
     let (values, shape) = frames_of(map, values, groups.count())?;
     let taxels = values.shape().last().copied().unwrap_or(0);
@@ -104,7 +106,7 @@ pub(crate) fn pool_groups<'py>(
     run_here(py, 1, |stop| {
         for (out, values) in frames {
             stop.check();
-            let sums = groups.pool(values, quantity(extensive));
+            let sums = groups.pool(values, quantity);
             out.iter_mut().zip(sums).for_each(|(out, value)| *out = narrow(value));
         }
     })?;
@@ -220,7 +222,7 @@ pub(crate) fn pool_fields<'py>(
     map: &SkinMap,
     values: &Bound<'py, PyAny>,
     FieldLevel { modality, level }: FieldLevel,
-    extensive: bool,
+    channel: &Channel,
     threads: usize,
 ) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
     let modality = modality.and_then(|number| map.body.modalities.get(number));
@@ -232,11 +234,10 @@ pub(crate) fn pool_fields<'py>(
     let (values, shape) = frames_of(map, values, count)?;
     let taxels = values.shape().last().copied().unwrap_or(0);
     let (pooled, values) = (zeros(py, &shape)?, values.as_slice()?);
-    let quantity = quantity(extensive);
+    let quantity = channel.quantity;
     let mut join = Join::new(map, None, taxels, Duplicates::Refuse).map_err(error)?;
-    if let Some(modality) = modality {
-        join.follow(map, &[Channel::new(&modality.name, "").map_err(error)?]);
-    }
+    let of_level = modality.map(|modality| Channel::new(&modality.name, "")).transpose().map_err(error)?;
+    join.follow(map, &[of_level.unwrap_or_else(|| channel.clone())]);
     let mut writer = pooled.readwrite();
     let frames = writer.as_slice_mut()?.par_chunks_mut(count.max(1)).zip(values.par_chunks(taxels.max(1)));
     run_here(py, threads, |stop| {
@@ -259,7 +260,7 @@ pub(crate) fn pool_fields<'py>(
 pub(crate) struct Pooling<'a> {
     pub(crate) map: &'a SkinMap,
     pub(crate) level: LevelId,
-    pub(crate) extensive: bool,
+    pub(crate) channel: Channel,
     pub(crate) contrast: bool,
 }
 
@@ -276,11 +277,11 @@ impl Pooling<'_> {
         let (pooled, values) = (zeros(py, &shape)?, values.as_slice()?);
         let mut writer = pooled.readwrite();
         let out = writer.as_slice_mut()?;
-        let Self { map, level, extensive, contrast } = *self;
+        let Self { map, level, ref channel, contrast } = *self;
         let carried = if contrast { Carried::Contrast } else { Carried::Values };
         let only = (!contrast).then_some(level);
         run_here(py, threads, |stop| -> Result<(), SignalError> {
-            let batch = Batch::new(map, &channels([extensive]), carried, only)?;
+            let batch = Batch::new(map, slice::from_ref(channel), carried, only)?;
             batch.pool(map, level, values, out, || stop.check());
             Ok(())
         })?

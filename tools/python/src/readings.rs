@@ -58,29 +58,41 @@ pub(crate) fn read_readings<'py>(
     arrays(py, run(py, 0, read)?.map_err(error)?)
 }
 
-/// Readings of columns with these ids as readings of the taxels of a map, (T, C, n) to (T, C, N), and how they fit.
+/// Readings of columns with these ids as readings of the taxels of a map, (T, C, n) to (T, C, N), and how they fit; `names` and
+/// `units` are those of the channels.
 #[pyfunction]
 pub(crate) fn join_readings<'py>(
     py: Python<'py>,
     #[pyo3(from_py_with = object)] map: &Bound<'py, PyMap>,
     values: &Bound<'py, PyAny>,
     ids: &Bound<'py, PyAny>,
+    #[pyo3(from_py_with = arg)] names: Vec<String>,
+    #[pyo3(from_py_with = arg)] units: Vec<String>,
 ) -> PyResult<(Bound<'py, PyAny>, Vec<String>)> {
     let values = floats("values", values)?;
-    let &[frames, channels, width] = values.shape() else {
+    let &[frames, count, width] = values.shape() else {
         return Err(bad_shape("values", values.shape(), "shape (T, C, n)"));
     };
+    let channels = channels_of(&names, &units)?;
+    if channels.len() != count {
+        return Err(bad_shape("values", values.shape(), format!("shape (T, {}, n)", channels.len())));
+    }
     let ids: Vec<TaxelId> = one_number_each("ids", ids, width)?.into_iter().map(TaxelId).collect();
     let (map, numbers) = (&map.get().map, values.as_slice()?);
-    let joined = run_here(py, 1, |stop| in_order(map, &ids, numbers, || stop.check()))?;
+    let joined = run_here(py, 1, |stop| in_order(map, &ids, &channels, numbers, || stop.check()))?;
     let (joined, report) = joined.map_err(error)?;
     let taxels = map.patches.iter().map(|patch| patch.taxels.ids.len()).sum();
-    Ok((shaped(py, [frames, channels, taxels], joined)?.into_any(), report.remarks()))
+    Ok((shaped(py, [frames, count, taxels], joined)?.into_any(), report.remarks()))
 }
 
 /// The arrays of a recording on the taxels of a map: values (T, C, N), timestamps, names of channels, units.
 pub(crate) type RecordingArrays<'a, 'py> =
     (&'a Bound<'py, PyAny>, &'a Bound<'py, PyAny>, Vec<String>, Vec<String>);
+
+/// Channels of these names and units.
+fn channels_of(names: &[String], units: &[String]) -> PyResult<Vec<Channel>> {
+    names.iter().zip(units).map(|(name, unit)| Channel::new(name, unit).map_err(error)).collect()
+}
 
 pub(crate) fn readings_of(
     (values, timestamps, channels, units): RecordingArrays<'_, '_>,
@@ -94,10 +106,9 @@ pub(crate) fn readings_of(
         let [frames, channels, _] = needed;
         return Err(bad_shape("values", values.shape(), format!("shape ({frames}, {channels}, N)")));
     }
-    let named = channels.iter().zip(&units).map(|(name, unit)| Channel::new(name, unit).map_err(error));
     Ok(Readings {
         ids: None,
-        channels: named.collect::<PyResult<_>>()?,
+        channels: channels_of(&channels, &units)?,
         width,
         times: one_each("timestamps", timestamps, frames)?,
         values: values.as_slice()?.to_vec(),
@@ -370,7 +381,11 @@ pub(crate) fn simulate_touch<'py>(
         let taxels = skin.patches.iter().map(|patch| &patch.taxels.ids);
         let ids: Vec<TaxelId> = taxels.flat_map(|ids| ids.iter().copied()).collect();
         let channels = vec![simulation.channel().clone()];
-        let mut recording = Readings { width: ids.len(), channels, ids: Some(ids), ..Readings::default() };
+        // Where patches share ids the order of the map says which taxel a column is of.
+        let width = ids.len();
+        let is_unique = ids.iter().collect::<HashSet<_>>().len() == width;
+        let ids = is_unique.then_some(ids);
+        let mut recording = Readings { width, channels, ids, ..Readings::default() };
         let mut truth = Vec::new();
         while let Some((frame, touches)) = simulation.next_frame() {
             stop.check();

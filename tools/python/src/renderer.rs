@@ -34,7 +34,7 @@ use crate::{
     jobs::{Stop, run, run_here},
     map::PyMap,
     matrix::{PyMatrix, Rows},
-    options::{Extensive, channels, count, level, positive, quantity},
+    options::{PerChannel, channel, count, level, positive, quantity},
     pool::starts,
 };
 
@@ -99,11 +99,11 @@ impl Plan {
         self.shown.get_or_init(|| self.part.vertices(map))
     }
 
-    /// Which values of the level readings ever have: for each patch one for each vertex, NaN for none.
-    fn present(&self, map: &SkinMap) -> IdVec<PatchId, IdVec<VertexId, f64>> {
+    /// Which values of the level readings of a channel ever have: for each patch one for each vertex, NaN for none.
+    fn present(&self, map: &SkinMap, channel: usize) -> IdVec<PatchId, IdVec<VertexId, f64>> {
         let mut batch = self.batch.clone();
         let values = batch.levels(&vec![0.0; self.channels * self.taxels]).values.enumerate();
-        values.map(|(patch, of)| of[0][map.patches[patch].nearest_level(self.level)].clone()).collect()
+        values.map(|(patch, of)| of[channel][map.patches[patch].nearest_level(self.level)].clone()).collect()
     }
 
     /// The matrix of a channel, row by row.
@@ -143,7 +143,8 @@ pub(crate) struct RenderArgs {
     pub(crate) level: i64,
     pub(crate) patch: Option<String>,
     pub(crate) channels: Option<i64>,
-    pub(crate) extensive: Extensive,
+    pub(crate) extensive: PerChannel<bool>,
+    pub(crate) modality: PerChannel<Option<String>>,
     pub(crate) size: Option<[u32; 2]>,
     pub(crate) pixel: Option<f64>,
     pub(crate) pack: Option<Pack>,
@@ -154,10 +155,10 @@ pub(crate) struct RenderArgs {
 impl RenderArgs {
     /// How many channels readings have, if that is given.
     fn channels(&self) -> PyResult<Option<usize>> {
-        let count = match (self.channels, &self.extensive) {
-            (Some(given), _) => self::count("channels", given)?,
-            (None, Extensive::Each(all)) => all.len(),
-            (None, Extensive::All(_)) => return Ok(None),
+        let each = self.extensive.count().or(self.modality.count());
+        let Some(count) = self.channels.map(|given| self::count("channels", given)).transpose()?.or(each)
+        else {
+            return Ok(None);
         };
         if (1..=MOST_NUMBERS).contains(&count) {
             Ok(Some(count))
@@ -185,8 +186,12 @@ impl PyRenderer {
                 ));
             }
         };
-        let extensive = args.extensive.of_channels(args.channels()?)?;
-        let (count, kinds) = (extensive.len(), extensive.clone());
+        let count = args.channels()?.unwrap_or(1);
+        let extensive = args.extensive.of_channels("extensive", count)?;
+        let modalities = args.modality.of_channels("modality", count)?;
+        let of_each = extensive.iter().zip(&modalities);
+        let channels = of_each.map(|(&extensive, of)| channel(&map.map, extensive, of.as_deref()));
+        let channels = channels.collect::<PyResult<Vec<_>>>()?;
         let resolution = match (args.size, args.pixel) {
             (None, None) => Resolution::Map,
             (Some(size), None) => Resolution::Canvas(size),
@@ -212,7 +217,6 @@ impl PyRenderer {
             if size.is_none_or(|size| size.saturating_mul(count) > MOST_NUMBERS) {
                 return Ok(None);
             }
-            let channels = channels(extensive);
             Ok(Some(Plan {
                 batch: Batch::new(&map, &channels, Carried::Values, Some(level))?,
                 renderer: Renderer::new(&map, &atlas, &channels, Some(level))?,
@@ -240,15 +244,7 @@ impl PyRenderer {
         let [width, height] = frame.size_px;
         let pixel = (frame.size.y / f64::from(height), frame.size.x / f64::from(width));
         let shape = (height as usize, width as usize);
-        Ok(Self {
-            plan: Arc::new(plan),
-            map: of.clone().unbind(),
-            canvas,
-            args,
-            shape,
-            pixel,
-            extensive: kinds,
-        })
+        Ok(Self { plan: Arc::new(plan), map: of.clone().unbind(), canvas, args, shape, pixel, extensive })
     }
 
     fn map(&self) -> &SkinMap {
@@ -595,11 +591,13 @@ impl PyRenderer {
     ///     If there is no such channel.
     #[pyo3(signature = (channel=0))]
     fn matrix(&self, py: Python<'_>, #[pyo3(from_py_with = arg)] channel: i64) -> PyResult<PyMatrix> {
-        let known = usize::try_from(channel).ok().and_then(|k| self.extensive.get(k).copied());
+        let number = usize::try_from(channel).ok();
+        let known = number.and_then(|number| Some((number, *self.extensive.get(number)?)));
         let needed = || format!("a channel from 0 to {}", self.extensive.len() - 1);
-        let quantity = quantity(known.ok_or_else(|| bad("channel", channel, needed()))?);
+        let (number, extensive) = known.ok_or_else(|| bad("channel", channel, needed()))?;
+        let quantity = quantity(extensive);
         let (plan, map) = (Arc::clone(&self.plan), Arc::clone(&self.map.get().map));
-        let rows = run(py, 1, move |stop| plan.rows(quantity, Some(&plan.present(&map)), stop))?;
+        let rows = run(py, 1, move |stop| plan.rows(quantity, Some(&plan.present(&map, number)), stop))?;
         Ok(rows.into_matrix(py, self.plan.starts.last().copied().unwrap_or(0)))
     }
 
@@ -620,14 +618,19 @@ impl PyRenderer {
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
-        let RenderArgs { level, patch, channels, extensive, size, pixel, pack, fill, mask } = &self.args;
+        let RenderArgs { level, patch, channels, extensive, modality, size, pixel, pack, fill, mask } =
+            &self.args;
         let options = PyDict::new(py);
         options.set_item("level", level)?;
         options.set_item("patch", patch)?;
         options.set_item("channels", channels)?;
+        match modality {
+            PerChannel::All(one) => options.set_item("modality", one)?,
+            PerChannel::Each(each) => options.set_item("modality", each)?,
+        }
         match extensive {
-            Extensive::All(one) => options.set_item("extensive", one)?,
-            Extensive::Each(all) => options.set_item("extensive", all)?,
+            PerChannel::All(one) => options.set_item("extensive", one)?,
+            PerChannel::Each(each) => options.set_item("extensive", each)?,
         }
         options.set_item("size", size)?;
         options.set_item("pixel", pixel)?;

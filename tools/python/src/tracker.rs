@@ -178,7 +178,7 @@ impl PyContactTracker {
         if self.options.probe == Probe::Finger {
             return Err(PyTypeError::new_err("cannot pickle a ContactTracker of fingers: it follows zeros"));
         }
-        let TrackerState { threshold, learned, rest, contacts, next } = self.lock().0.state();
+        let TrackerState { threshold, learned, rest, contacts, next, memory } = self.lock().0.state();
         let state = PyDict::new(py);
         state.set_item("threshold", threshold)?;
         state.set_item("learned", vector(py, learned))?;
@@ -187,6 +187,7 @@ impl PyContactTracker {
             contacts.iter().map(|region| self.contact(py, region)).collect::<PyResult<Vec<_>>>()?;
         state.set_item("contacts", contacts)?;
         state.set_item("next", next)?;
+        state.set_item("memory", vector(py, memory))?;
         let TrackerOptions {
             probe,
             channel: _,
@@ -270,6 +271,7 @@ impl PyContactTracker {
             rest: numbers(state, "rest")?,
             contacts: contacts.iter().map(region).collect::<PyResult<_>>()?,
             next: item(state, "next")?,
+            memory: numbers(state, "memory")?,
         };
         self.lock().0.resume(state).map_err(error)
     }

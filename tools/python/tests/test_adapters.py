@@ -192,6 +192,26 @@ def test_counts_of_batches_add_up(dome_map):
     )
 
 
+def test_forces_that_are_not_known_are_none(dome_map):
+    arrow = pytest.importorskip("pyarrow")
+    import dermatome.ray as adapter
+
+    points = dome()[0][[40, 40, 41]]
+    cells = adapter.Lookup(dome_map.to_bytes(), level=0)(arrow.table({**dict(zip("xyz", points.T)), "force": [1.0, float("nan"), 2.0]}))
+    counts = adapter.touch_counts(cells)
+    assert sorted(counts["force_sum"].to_pylist()) == [1.0, 2.0] and sum(counts["count"].to_pylist()) == 3
+
+    class Parts:
+        def iter_batches(self, **_):
+            yield counts
+            yield adapter.touch_counts(cells.drop_columns(["force"]))
+
+    both = adapter.total(Parts())
+    assert sum(both["count"].to_pylist()) == 6 and sorted(both["force_sum"].to_pylist()) == [1.0, 2.0]
+    with pytest.raises(dermatome.DataError, match="level"):
+        adapter.Lookup(dome_map.to_bytes(), level=9)
+
+
 def test_ray_draws_episodes_and_goes_on_where_it_was(dome_map, tmp_path):
     """A file for each episode, the images and values of the renderer, and no episode is read twice."""
     import dermatome.ray as adapter
@@ -214,13 +234,22 @@ def test_ray_draws_episodes_and_goes_on_where_it_was(dome_map, tmp_path):
     with pytest.raises(dermatome.DataError, match="different names"):
         adapter.episodes([tmp_path / "glove.npy", tmp_path / "images/glove.npy"], layout=layout)
     # What is there is not read again, and a half file is none.
-    (tmp_path / "glove.npy").write_bytes(b"gone")
+    stored = (tmp_path / "glove.npy").read_bytes()
+    (tmp_path / "glove.npy").unlink()
     (tmp_path / "fields/glove.000004.npz").unlink()
     (tmp_path / "fields/.glove.000004.npz.1.part").write_bytes(b"half")
     again = adapter.Render(dome_map.to_bytes(), tmp_path / "fields", 1, layout=layout)
     assert [row["frames"] for row in map(again, rows)] == [20, 20, 20, 20, 0] and "glove.npy" in again(rows[4])["error"]
     with pytest.raises(dermatome.DataError, match="level: found 9"):
         adapter.Render(dome_map.to_bytes(), tmp_path / "fields", 9)
+    # A file of something else is not what was asked for.
+    (tmp_path / "glove.npy").write_bytes(stored)
+    other = adapter.Render(dome_map.to_bytes(), tmp_path / "images", 1, None, layout=layout)(rows[0])
+    changed = adapter.Render(dome_map.to_bytes(), tmp_path / "images", 0, {"size": (16, 24), "fill": 0.0}, layout=layout)(rows[0])
+    for said in (other, changed):
+        assert said["frames"] == 0 and "another map, level, renderer or recording; needed: another folder" in said["error"]
+    (tmp_path / "images/glove.000001.npz").write_bytes(b"PK damaged")
+    assert "cannot be read" in adapter.Render(dome_map.to_bytes(), tmp_path / "images", 1, layout=layout)(rows[1])["error"]
 
 
 def test_ray_says_that_an_episode_has_no_frame(dome_map, tmp_path, monkeypatch):

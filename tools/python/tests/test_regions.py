@@ -121,6 +121,56 @@ def test_modalities_have_levels_of_their_own(tmp_path):
         made.pool(values, level="skin.thermal.L9")
 
 
+def test_readings_of_pads_are_those_of_pads(tmp_path):
+    """Pressures and temperatures of a patch with thermal pads and of one without: by id and in the order of the map, of each
+    adapter the same."""
+    rows = [
+        f"{144 * right + 12 * y + x + 1},{0.065 * right + 0.005 * x},{0.005 * y},0,{'thermal' if not right and x % 4 == y % 4 == 1 else ''},{name}"
+        for right, name in enumerate(["arm", "hand"])
+        for y in range(12)
+        for x in range(12)
+    ]
+    (tmp_path / "skin.csv").write_text("id,x,y,z,modality,patch\n" + "\n".join(rows))
+    made = dermatome.build(dermatome.Skin.read(tmp_path / "skin.csv")).with_regions({"tip": range(1, 60)})
+    pads, arm = made.present == 2, made.patch_of == 0
+    values, order = np.random.default_rng(2).random((3, 2, 288)), np.random.default_rng(3).permutation(288)
+    about = {"timestamps": np.arange(3) * 0.1, "channels": ["pressure", "temperature"], "units": ["kPa", "degC"]}
+    by_id = dermatome.Readings.from_arrays(values[:, :, order], ids=made.ids[order], **about)
+    by_order = dermatome.Readings.from_arrays(values, **about)
+    assert by_id.modalities(made) == (None, "thermal")
+    joined = by_id.on(made).values
+    assert np.array_equal(np.isfinite(joined[0]), [~pads, pads | ~arm]) and np.array_equal(joined[np.isfinite(joined)], values[np.isfinite(joined)])
+    by_id.write(tmp_path / "a.npz")
+    (chunk,) = dermatome.Readings.open(tmp_path / "a.npz").chunks(made)
+    for read in (dermatome.Readings.read(tmp_path / "a.npz", made), chunk):
+        assert np.array_equal(read.values, joined, equal_nan=True)
+    for level in [*range(made.n_levels), "arm.thermal.L0", "body.L0"]:
+        fields = by_id.pooled(made, level)
+        assert np.array_equal(fields, by_order.pooled(made, level), equal_nan=True)
+    assert np.isnan(by_order.pooled(made, "arm.thermal.L0")[:, 0]).all() and np.isfinite(by_order.pooled(made, "arm.thermal.L0")[:, 1]).all()
+    for level in range(made.n_levels):
+        count = len(made.patches["arm"].levels[min(level, len(made.patches["arm"].levels) - 1)].areas)
+        heat = by_id.pooled(made, level)[:, 1, :count]
+        known = heat[np.isfinite(heat)]
+        assert len(known) and values[:, 1, pads].min() - 1e-6 <= known.min() and known.max() <= values[:, 1, pads].max() + 1e-6
+    assert np.isfinite(by_id.pooled(made, "body.L0")).all()
+    assert all(each["valid"].all() for each in by_id.features(made, "arm.thermal.L0").values())
+    assert np.array_equal(by_id.by_region(made), by_order.by_region(made)) and np.isfinite(by_id.by_region(made)).all()
+    how = {"extensive": by_id.extensive, "modality": by_id.modalities(made)}
+    renderer = pickle.loads(pickle.dumps(made.renderer(0, patch="arm", **how)))
+    drawn = renderer(by_order.values)
+    assert np.array_equal(drawn, renderer(joined), equal_nan=True)
+    assert set(drawn[0, 1][np.isfinite(drawn[0, 1])]) and renderer.matrix(1).shape == renderer.matrix(0).shape
+    for channel in (0, 1):
+        shown = np.flatnonzero(np.bincount(renderer.matrix(channel).indices, minlength=288))
+        assert set(shown) <= set(np.flatnonzero((pads if channel else ~pads) & arm))
+    assert "<svg" in made.plot(values[0, 1], modality="thermal").svg()
+    with pytest.raises(dermatome.DataError, match='modality: found "heat"; needed: None for touch, or one of the map: "thermal"'):
+        made.pool(values, 1, modality="heat")
+    with pytest.raises(dermatome.DataError, match="modality: found 3"):
+        made.renderer(0, patch="arm", channels=2, modality=["thermal", None, None])
+
+
 def test_modalities_have_levels_of_the_whole_body(tmp_path):
     rows = [
         f"{144 * right + 12 * y + x + 1},{0.065 * right + 0.005 * x},{0.005 * y},0,{'thermal' if x % 4 == y % 4 == 1 else ''},{name}"

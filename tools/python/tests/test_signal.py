@@ -257,9 +257,26 @@ def test_a_copied_tracker_goes_on(dome_map, threshold, lasting, probe):
                 part.track(later)
     assert whole.threshold is not None and "contacts, threshold" in repr(whole)
     state = whole.__reduce__()[1][2]
-    for name, wrong in (("rest", np.zeros(3)), ("contacts", [{}]), ("next", -1)):
+    for name, wrong in (("rest", np.zeros(3)), ("contacts", [{}]), ("next", -1), ("memory", np.zeros(7))):
         with pytest.raises((dermatome.DataError, OverflowError)):
             whole._resume({**state, name: wrong})
+
+
+def test_a_copied_tracker_keeps_its_clock_and_votes(rough_map):
+    """Half a second is a pause among frames of 2 ms and none among those of 0.3 s, and votes are of all frames."""
+    values, rng = np.zeros((60, rough_map.n_taxels)), np.random.default_rng(2)
+    values += rng.normal(0, 0.001, values.shape)
+    values[10:, [100, 101, 300, 301]] += 5.0
+    steps = np.where(np.arange(60) == 40, 0.7, 0.002)
+    for times in (np.cumsum(steps), np.where(np.arange(60) >= 40, 100, 0) + np.arange(60) * 0.3, np.cumsum(steps) - np.where(np.arange(60) > 45, 1, 0)):
+        for threshold in (None, 0.5):
+            whole = dermatome.ContactTracker(rough_map, unit="N", threshold=threshold)
+            part = dermatome.ContactTracker(rough_map, unit="N", threshold=threshold)
+            for frame, time in zip(values, times.tolist()):
+                part = pickle.loads(pickle.dumps(copy.copy(part)))
+                assert [str(each) for each in part.track(frame, time)] == [str(each) for each in whole.track(frame, time)]
+                assert part.at_once == whole.at_once
+            assert whole.at_once > 0
 
 
 def test_touches_have_their_truth(dome_map):
@@ -376,7 +393,32 @@ def test_pictures(dome_map, tmp_path):
     assert repr(picture) == f"<dermatome.Picture: {pixels.shape[0]} x 600 pixels>"
     shown = []
     axes = SimpleNamespace(imshow=shown.append, axis=shown.append)
-    assert np.array_equal(dome_map.plot(width=600, ax=axes).array(), shown[0]) and shown[1] == "off"
+    assert np.array_equal(dome_map.plot(width=600, levels=[0, 1], ax=axes).array(), shown[0]) and shown[1] == "off"
+
+
+def test_axes_of_matplotlib_show_a_level_in_map_coordinates(rough_map):
+    """What is drawn at the place of a taxel on the map is its reading."""
+    pyplot = pytest.importorskip("matplotlib.pyplot")
+    values = np.random.default_rng(1).random(rough_map.n_taxels)
+    patch = rough_map.patches["tip of it"]
+    level, read = patch.levels[0], values[patch.start :]
+    figure, axes = pyplot.subplots()
+    rough_map.plot(values, patches=["tip of it"], range=[0, 2], ax=axes)
+    (image,) = axes.get_images()
+    left, right, bottom, top = image.get_extent()
+    assert left <= level.uv[:, 0].min() and right >= level.uv[:, 0].max() and bottom <= level.uv[:, 1].min() and top >= level.uv[:, 1].max()
+    pixels = np.ma.filled(image.get_array().astype(float), np.nan)
+    rows, columns = pixels.shape
+    column = ((level.uv[:, 0] - left) / (right - left) * columns).astype(int).clip(0, columns - 1)
+    row = ((top - level.uv[:, 1]) / (top - bottom) * rows).astype(int).clip(0, rows - 1)
+    inside = np.isfinite(pixels[row, column])
+    assert inside.mean() > 0.8 and np.abs(pixels[row, column] - read)[inside].max() < 0.35 and image.get_clim() == (0, 2)
+    assert axes.get_aspect() == 1 and axes.get_xlabel() == "u (m)"
+    figure, axes = pyplot.subplots()
+    rough_map.plot(patches=["upper arm"], levels=[1], ax=axes)
+    drawn = np.concatenate([line.get_xydata() for line in axes.get_lines()])
+    assert {tuple(place) for place in rough_map.patches["upper arm"].levels[1].uv} <= {tuple(place) for place in drawn}
+    pyplot.close("all")
 
 
 def test_a_map_shows_itself(uneven_map, tmp_path):

@@ -13,7 +13,7 @@ from conftest import dome
 import dermatome
 
 torch = pytest.importorskip("torch")
-from dermatome.torch import Draw, Pool, Touches, pixels, pooling, tensor  # noqa: E402
+from dermatome.torch import Augment, Draw, Pool, Touches, pixels, pooling, tensor  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -120,6 +120,65 @@ def test_touches_are_images_fields_and_contacts(uneven_map, holed_map):
         Touches(map, readings, {"frame": [0], "force": [1.0], "centre": [[0, 0, 0]], "patch": ["foot"]})
     with pytest.raises(dermatome.DataError, match="patch"):
         Touches(map, readings, truth, patch="foot")
+
+
+def test_augmented_touches_move_with_their_contacts(rough_map):
+    """On a flat patch of uneven counts: the centre of pressure moves as the contact does, and nothing moves without a size."""
+    readings, truth = dermatome.touch(rough_map, presses=12, rate=25.0, seed=4)
+    readings = readings.on(rough_map)
+    plain = Touches(rough_map, readings, truth, level=0, history=2)
+    still = Touches(rough_map, readings, truth, level=0, history=2, augment=Augment(rough_map))
+    for k in (0, 30, len(plain) - 1):
+        for name in ("image", "fields", "valid"):
+            assert torch.equal(plain[k][name], still[k][name])
+    moved = Touches(rough_map, readings, truth, level=0, augment=Augment(rough_map, shift=0.004, turn=0.3))
+    ids, starts = list(rough_map.patches), [patch.start for patch in rough_map.patches.values()] + [rough_map.n_taxels]
+    errors, sums, lost = [], [], 0
+    for k in np.flatnonzero(plain.contacts["touched"] & (plain.contacts["force"] > 1)):
+        torch.manual_seed(k)
+        sample, before = moved[k], readings.values[k, 0]
+        number = int(plain.contacts["patch"][k])
+        if not sample["contact"]["touched"]:
+            lost += 1
+            assert sample["contact"]["patch"] == -1 and sample["contact"]["force"] == 0
+            continue
+        assert sample["contact"]["patch"] == number
+        part = slice(starts[number], starts[number + 1])
+        places = rough_map.patches[ids[number]].levels[0].positions
+        after, was = sample["fields"][0].numpy()[part], np.nan_to_num(before[part])
+        absent = places[~np.isfinite(before[part])]
+        ends = np.stack([plain.contacts["centre"][k], sample["contact"]["centre"].numpy()])
+        is_near = np.linalg.norm(absent[:, None] - ends, axis=2) < 0.015
+        if after.sum() < 0.9 * was.sum() or is_near.any():
+            continue  # A part of it has left the patch, or is on a taxel without readings.
+        offset = (was[:, None] * places).sum(axis=0) / was.sum() - plain.contacts["centre"][k]
+        middle = (after[:, None] * places).sum(axis=0) / after.sum()
+        errors.append(np.linalg.norm(middle - sample["contact"]["centre"].numpy()) - np.linalg.norm(offset))
+        sums.append(after.sum() / was.sum())
+    assert lost and len(errors) > 20 and np.max(errors) < 2e-3 and np.abs(np.mean(sums) - 1) < 0.05
+
+
+def test_augmented_touches_have_faults_and_repeat(holed_map, uneven_map):
+    for map in (holed_map, uneven_map):
+        readings, truth = dermatome.touch(map, presses=1, rate=25.0)
+        touches = Touches(map, readings, truth, level=0, history=3, augment=Augment(map, shift=0.005, turn=0.5, drop=0.3, gain=0.2))
+        torch.manual_seed(3)
+        first = touches.__getitems__([4, 9])
+        torch.manual_seed(3)
+        for a, b in zip(first, pickle.loads(pickle.dumps(touches)).__getitems__([4, 9])):
+            assert all(torch.equal(a[name], b[name]) for name in ("image", "fields", "valid"))
+        known = first[0]["valid"]
+        assert torch.equal(known[0], known[2]) and 0.2 < 1 - known[0, :, map.present == 1].float().mean() < 0.9
+        assert not torch.equal(known[0], first[1]["valid"][0]), "each sample has its own"
+        only = Touches(map, readings, truth, level=0, augment=Augment(map, gain=0.1))
+        made = np.stack([only[k]["fields"].numpy() for k in range(len(only))])
+        before = readings.on(map).values
+        spread = made[before > 0.01] / before[before > 0.01]
+        assert len(spread) > 100 and abs(spread.mean() - 1) < 0.03 and 0.08 < spread.std() < 0.12 and spread.min() > 0.8
+    with pytest.raises(dermatome.DataError, match="augment: found one of another map"):
+        Touches(holed_map, dermatome.touch(holed_map, presses=1)[0], augment=Augment(uneven_map))
+    with pytest.raises(dermatome.DataError, match="drop: found 2; needed: a number from 0 to 1"):
+        Augment(holed_map, drop=2)
 
 
 def test_touches_go_to_spawned_workers(tmp_path):

@@ -107,6 +107,15 @@ impl Clock {
         self.last = None;
     }
 
+    /// All that it remembers, number by number, to be read or set.
+    pub(in crate::signal) fn visit(&mut self, visit: &mut dyn FnMut(&mut f64)) {
+        let mut last = self.last.unwrap_or(f64::NAN);
+        visit(&mut last);
+        self.last = last.is_finite().then_some(last);
+        self.steps.iter_mut().for_each(&mut *visit);
+        visit_count(&mut self.count, visit);
+    }
+
     /// The median of the latest steps, in s; of two the shorter.
     #[doc(hidden)]
     pub fn usual(&self) -> Option<f64> {
@@ -115,6 +124,18 @@ impl Clock {
         let middle = known.checked_sub(1)? / 2;
         Some(*steps[..known].select_nth_unstable_by(middle, f64::total_cmp).1)
     }
+}
+
+/// A count as a number, to be read or set.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "set to whole numbers from 0 to 2^52"
+)]
+pub(in crate::signal) fn visit_count(count: &mut usize, visit: &mut dyn FnMut(&mut f64)) {
+    let mut number = *count as f64;
+    visit(&mut number);
+    *count = number.clamp(0.0, 2.0_f64.powi(52)) as usize;
 }
 
 #[cfg(test)]

@@ -370,7 +370,7 @@ impl Stage for Conditioner {
                     }
                 }
                 self.report.too_large += mask_too_large(out[0].as_mut_slice(), read.as_slice());
-                if let Some([low, high]) = self.clip {
+                if let Some([low, high]) = self.clip.filter(|_| kind.is_of_touch()) {
                     for x in out[0].iter_mut().filter(|x| **x < low || **x > high) {
                         *x = x.clamp(low, high);
                         self.report.clipped += 1;

@@ -2,7 +2,7 @@
 
 use crate::map::SkinMap;
 use crate::numeric::storable;
-use crate::signal::Quantity;
+use crate::signal::{Channel, Quantity};
 
 /// Pools readings over groups of taxels, such as named regions.
 #[derive(Debug, Clone)]
@@ -14,27 +14,31 @@ pub struct GroupPool {
 
 impl GroupPool {
     /// Groups of the taxels of a map: the number of each, below `count`, in the order of the map; `None` for none. Taxels
-    /// that are not present are in none.
+    /// that the readings of the channel [are not of](Channel::taxels) are in none.
     ///
     /// # Panics
     /// If there is not one for each taxel.
-    pub fn new(map: &SkinMap, groups: impl IntoIterator<Item = Option<usize>>, count: usize) -> Self {
-        let taxels = || map.patches.iter().map(|patch| &patch.taxels);
+    pub fn new(
+        map: &SkinMap,
+        channel: &Channel,
+        groups: impl IntoIterator<Item = Option<usize>>,
+        count: usize,
+    ) -> Self {
         let mut groups: Vec<_> = groups.into_iter().collect();
-        let presence: Vec<_> = taxels().flat_map(|taxels| taxels.presence.iter().copied()).collect();
-        assert_eq!(groups.len(), presence.len(), "one group for each taxel");
-        for (group, presence) in groups.iter_mut().zip(presence) {
-            *group = group.filter(|&group| group < count && presence.reads_pressure());
+        let is_read: Vec<_> = channel.taxels(map).iter().flatten().copied().collect();
+        assert_eq!(groups.len(), is_read.len(), "one group for each taxel");
+        for (group, is_read) in groups.iter_mut().zip(is_read) {
+            *group = group.filter(|&group| group < count && is_read);
         }
-        let areas = taxels().flat_map(|taxels| taxels.areas.iter().copied()).collect();
+        let areas = map.patches.iter().flat_map(|patch| patch.taxels.areas.iter().copied()).collect();
         Self { groups, areas, count }
     }
 
     /// The named regions of a map.
-    pub fn of_regions(map: &SkinMap) -> Self {
+    pub fn of_regions(map: &SkinMap, channel: &Channel) -> Self {
         let regions = map.regions();
         let groups = regions.of_taxels.iter().flat_map(|of| of.iter()).map(|region| Some((*region)?.index()));
-        Self::new(map, groups.collect::<Vec<_>>(), regions.names.len())
+        Self::new(map, channel, groups.collect::<Vec<_>>(), regions.names.len())
     }
 
     /// Number of groups.

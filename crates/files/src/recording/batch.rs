@@ -170,28 +170,33 @@ impl Batch {
     }
 }
 
-/// Readings of columns with these ids in the order of a map: frame after frame, and in each channel after channel; and how
-/// they fit. `check` is called for each, and may unwind.
+/// Readings of columns with these ids in the order of a map: frame after frame, and in each channel after channel, as
+/// [`Join::follow`] has them; and how they fit. `check` is called for each frame, and may unwind.
 ///
 /// # Errors
 /// If no column is of a taxel of the map, or two are of one.
 ///
 /// # Panics
-/// If there is not a number for each column.
+/// If there is not a number for each channel and column.
 pub fn in_order(
     map: &SkinMap,
     ids: &[TaxelId],
+    channels: &[Channel],
     values: &[f64],
     check: impl Fn(),
 ) -> Result<(Vec<f64>, JoinReport), SignalError> {
-    let join = Join::new(map, Some(ids), ids.len(), Duplicates::Refuse)?;
+    let mut join = Join::new(map, Some(ids), ids.len(), Duplicates::Refuse)?;
+    join.follow(map, channels);
     let taxels: usize = map.patches.iter().map(|patch| patch.taxels.ids.len()).sum();
-    let rows = values.chunks_exact(ids.len().max(1));
-    let (mut joined, mut frame) = (Vec::with_capacity(rows.len() * taxels), Frame::new(map, 1));
-    for row in rows {
+    let frames = values.chunks_exact((ids.len() * channels.len()).max(1));
+    let mut joined = Vec::with_capacity(frames.len() * channels.len() * taxels);
+    let mut frame = Frame::new(map, channels.len());
+    for values in frames {
         check();
-        join.fill(row, &mut frame);
-        joined.extend(frame.values.iter().flat_map(|channels| channels[0].iter()));
+        join.fill(values, &mut frame);
+        for channel in 0..channels.len() {
+            joined.extend(frame.values.iter().flat_map(|channels| channels[channel].iter()));
+        }
     }
     Ok((joined, join.report().clone()))
 }

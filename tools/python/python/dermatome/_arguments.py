@@ -76,6 +76,8 @@ def array_of(argument: str, value: object, needed: str) -> Any:
     """An array of any numbers; rows of several lengths are none."""
     import numpy as np
 
+    if np.ma.is_masked(value):
+        raise ArgumentError(f"{argument}: found masked numbers; needed: {needed}: .filled(...) or .compressed() makes one")
     try:
         array = np.asarray(value)
     except (TypeError, ValueError, OverflowError):

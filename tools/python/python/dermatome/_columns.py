@@ -6,6 +6,7 @@ import csv
 import io
 from typing import Any
 
+from dermatome._arguments import shown
 from dermatome._errors import DataError
 from dermatome._kinds import is_mapping
 
@@ -55,6 +56,17 @@ def _number(name: str, number: float) -> str:
     return str(int(number)) if name in WHOLE and isinstance(number, float) and number.is_integer() else repr(number)
 
 
+def _id(argument: str, taxel: Any) -> int:
+    """The id of a taxel, which arrays may have as a whole float."""
+    try:
+        number = int(taxel)
+    except (TypeError, ValueError, OverflowError):
+        number = None
+    if number is None or number != taxel:
+        raise DataError(f"{argument}: found {shown(taxel)}; needed: ids of taxels, whole numbers")
+    return number
+
+
 def _word(argument: str, name: str, value: Any) -> str:
     """A text, a number, or the active taxels of a frame: with readings, or ids alone."""
     if value is None or isinstance(value, str):
@@ -62,10 +74,11 @@ def _word(argument: str, name: str, value: Any) -> str:
     if hasattr(value, "item") and getattr(value, "ndim", None) == 0:  # A number of numpy.
         value = value.item()
     if is_mapping(value):
-        return ";".join(f"{int(taxel)}:{float(reading)!r}" for taxel, reading in value.items())
+        return ";".join(f"{_id(argument, taxel)}:{float(reading)!r}" for taxel, reading in value.items())
     if isinstance(value, (int, float)):
         return _number(name, value)
     try:
-        return ";".join(str(int(taxel)) for taxel in value)
-    except (TypeError, ValueError):
+        taxels = list(value)
+    except TypeError:
         raise DataError(f"{argument}: found {type(value).__name__}; needed: numbers or texts") from None
+    return ";".join(str(_id(argument, taxel)) for taxel in taxels)

@@ -33,6 +33,19 @@ def condition(readings: Readings, map: Map, options: Options) -> Readings:
     """The readings on the map, made comparable."""
     import numpy as np
 
+    if len(parts := readings.by_episode()) > 1:
+        made = [condition(part, map, options) for part in parts]
+        remarks = [remark if all(remark in part.remarks for part in made) else f"episode {part.episode}: {remark}" for part in made for remark in part.remarks]
+        measured = None if made[0].measured is None else np.concatenate([part.measured for part in made])
+        return replace(
+            made[0],
+            values=np.concatenate([part.values for part in made]),
+            timestamps=np.concatenate([part.timestamps for part in made]),
+            measured=measured,
+            remarks=tuple(dict.fromkeys(remarks)),
+            episode=None,
+            episodes=readings.episodes,
+        )
     of_map = readings.on(map)
     values, times, split = of_map.values, of_map.timestamps, options.split
     baseline: Any = options.baseline
@@ -96,7 +109,9 @@ def condition(readings: Readings, map: Map, options: Options) -> Readings:
     if options.fill != "none":
         measured = arrays["measured"] if measured is None else arrays["measured"] & measured
     has_zero = options.zero is not None or not is_number(options.baseline) or options.baseline != 0
-    is_as_stated = values is of_map.values and not gains and split is None and options.response is None
+    # A threshold is one of readings about zero, or of those that have another.
+    same_zero = not has_zero or (of_map.is_tared and values is of_map.values)
+    is_as_stated = values is of_map.values and same_zero and not gains and split is None and options.response is None and clip is None
     return replace(
         of_map,
         is_tared=has_zero or (of_map.is_tared and not np.any(options.offset)),

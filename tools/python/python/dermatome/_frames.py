@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +14,8 @@ if TYPE_CHECKING:
     from dermatome._dermatome import Map
     from dermatome._readings import Readings
 
+# Units of times besides s.
+SECONDS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}
 # Frames further apart than this many of their steps have nothing between them.
 PAUSE = 2.5
 # Times that are sums of steps differ from those of a clock by less than this part of a step.
@@ -34,18 +37,42 @@ def from_xarray(make: Any, array: Any) -> Readings:
     names, units = of("channel"), of("unit")
     words = None if names is None else [str(name) for name in np.atleast_1d(names)]
     units = None if units is None else [str(unit) for unit in np.atleast_1d(units)]
-    if units is None and "units" in array.attrs:
-        units = str(array.attrs["units"])
-    made: Readings = make(array.values, ids=of("taxel"), timestamps=of("time"), channels=words, units=units)
+    if "units" in array.attrs:
+        stated = str(array.attrs["units"])
+        # Arithmetic of xarray keeps coordinates and drops attributes: two that differ are not the same unit.
+        if units is not None and any(unit != stated for unit in units):
+            raise DataError(f"array: found units={stated!r} and the coordinate unit {units}; needed: one of the two; array.drop_vars('unit') leaves the unit out")
+        units = units or stated
+    # Of a map whose patches share ids taxels are in its order.
+    ids = None if "taxel_id" in array.coords else of("taxel")
+    times = of("time")
+    if "time" in array.coords:
+        times = _in_s(times, str(array.coords["time"].attrs.get("units", "")), "array: time")
+    made: Readings = make(array.values, ids=ids, timestamps=times, channels=words, units=units)
     threshold = array.attrs.get("threshold")
     threshold = None if threshold is None else number_of("threshold", threshold, "a number, as an attribute")
+    if threshold is not None and not 0 < threshold < float("inf"):
+        raise DataError(f"threshold: found {threshold}; needed: a number above 0, as an attribute")
     # It is of one channel, which may not be among those that were chosen.
     of_main = made.channels[main_channel(made.channels, made.units)]
     if array.attrs.get("threshold_channel", of_main) != of_main:
         threshold = None
     made = replace(made, is_tared=bool(array.attrs.get("is_tared", False)), threshold=threshold)
-    measured = of("measured")
+    measured, episodes = of("measured"), of("episode")
+    if episodes is not None and np.ndim(episodes) == 1:
+        made = replace(made, episodes=np.asarray(episodes, dtype=np.int64))
     return made if measured is None else replace(made, measured=measured.reshape(made.values.shape).astype(bool))
+
+
+def _in_s(times: Any, unit: str, what: str) -> Any:
+    """Times of this unit as those in s; dates and durations say what they are."""
+    import numpy as np
+
+    if np.asarray(times).dtype.kind in "mM" or unit in ("", "s"):
+        return times
+    if unit not in SECONDS:
+        raise DataError(f"{what}: found the unit {unit!r}; needed: one of {['s', *SECONDS]}, or dates")
+    return np.asarray(times, dtype=float) * SECONDS[unit]
 
 
 def from_pandas(make: Any, table: Any, units: Any) -> Readings:
@@ -61,11 +88,27 @@ def from_pandas(make: Any, table: Any, units: Any) -> Readings:
         if not text.isdecimal():
             raise DataError(f"table: found the column {text!r}; needed: ids of taxels; table.drop(columns={[text]}) leaves it out")
         ids.append(int(text))
-    # A table without an index of its own counts its rows.
-    times: Any = None if type(index).__name__ == "RangeIndex" else index.to_numpy()
+    # A table without an index of its own counts its rows, also where some were left out.
+    times: Any = None
+    counts = index.name is None and getattr(index.dtype, "kind", "") in "iu"
+    if type(index).__name__ == "PeriodIndex":
+        index = index.to_timestamp()
+    if not counts:
+        index = index if getattr(index, "tz", None) is None else index.tz_convert("UTC").tz_localize(None)
+        head = re.search(r"\[(.*)\]\s*$", str(index.name or ""))
+        times = _in_s(index.to_numpy(), head[1] if head else "", "table: index")
     if getattr(times, "dtype", None) == object:
-        raise DataError(f"table: found an index of {type(times[0]).__name__}; needed: times, as numbers in s or dates")
-    made: Readings = make(table.to_numpy(dtype=float), ids=np.array(ids), timestamps=times, units=units)
+        # An empty index has no type.
+        if len(times):
+            raise DataError(f"table: found an index of {type(times[0]).__name__}; needed: times, as numbers in s or dates")
+        times = None
+    try:
+        values = table.to_numpy(dtype=float)
+    except (TypeError, ValueError) as error:
+        raise DataError(f"table: found {error}; needed: numbers in all cells, NaN where there is none") from None
+    made: Readings = make(values, ids=np.array(ids), timestamps=times, units=units)
+    if counts and type(table.index).__name__ != "RangeIndex":
+        made = replace(made, remarks=(*made.remarks, "the index counts rows and has no name: the frames have no times"))
     return made
 
 

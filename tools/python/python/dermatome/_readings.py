@@ -46,6 +46,9 @@ class Readings:
         Which values were measured and not filled; None: all that are finite.
     episode : int or None
         The number of the episode of a `Recording` whose chunk this is.
+    episodes : (T,) int64 array or None
+        The number of the episode of each frame, where there are several: each has times, zeros, thresholds and contacts of its
+        own.
     is_tared : bool
         Whether readings are about 0 where nothing touches: the zero of a pressure or force is stated, or one is subtracted.
     threshold : float or None
@@ -65,6 +68,7 @@ class Readings:
     episode: int | None = field(default_factory=lambda: None)
     is_tared: bool = field(default_factory=lambda: False)
     threshold: float | None = field(default_factory=lambda: None)
+    episodes: NDArray[np.int64] | None = field(default_factory=lambda: None)
 
     @staticmethod
     def read(
@@ -264,6 +268,10 @@ class Readings:
         missing = [name for name in names if name not in self.channels]
         if missing or not names:
             raise DataError(f"channels: found {missing[0] if missing else 'none'!r}; needed: some of {list(self.channels)}")
+        twice = [name for name in names if self.channels.count(name) > 1]
+        if twice:
+            at = [k for k, name in enumerate(self.channels) if name == twice[0]]
+            raise DataError(f"channels: found several of the name {twice[0]!r}: {at}; needed: other names; dataclasses.replace(readings, channels=...) gives them")
         chosen = [self.channels.index(name) for name in names]
         measured = None if self.measured is None else self.measured[:, chosen]
         units = tuple(self.units[k] for k in chosen) if self.units else ()
@@ -346,7 +354,19 @@ class Readings:
         if not isinstance(frames, slice):
             chosen = frames_of(frames, len(self))
         measured = None if self.measured is None else self.measured[chosen]
-        return replace(self, values=self.values[chosen], timestamps=self.timestamps[chosen], measured=measured)
+        episodes = None if self.episodes is None else self.episodes[chosen]
+        return replace(self, values=self.values[chosen], timestamps=self.timestamps[chosen], measured=measured, episodes=episodes)
+
+    def by_episode(self) -> list[Readings]:
+        """The recording of each episode, in order."""
+        import numpy as np
+
+        if self.episodes is None:
+            return [self]
+        begins = np.flatnonzero(np.diff(self.episodes)) + 1
+        bounds = [0, *begins.tolist(), len(self)]
+        parts = [self[first:end] for first, end in zip(bounds, bounds[1:])]
+        return [replace(part, episodes=None, episode=int(self.episodes[first])) for part, first in zip(parts, bounds)]
 
     def __repr__(self) -> str:
         frames, count, taxels = self.values.shape
@@ -375,16 +395,21 @@ class Readings:
             if self.values.shape[2] != map.n_taxels:
                 raise DataError(f"readings: found {self.values.shape[2]} columns without ids; needed: {map.n_taxels}, one for each taxel of the map, or ids")
             return self
-        values, said = join_readings(map, self.values, self.ids)
+        values, said = join_readings(map, self.values, self.ids, self.channels, self.units)
         measured = self.measured
         if measured is not None:
-            measured = join_readings(map, measured.astype(float), self.ids)[0] == 1
+            measured = join_readings(map, measured.astype(float), self.ids, self.channels, self.units)[0] == 1
         return replace(self, values=values, ids=None, measured=measured, remarks=(*self.remarks, *said))
 
     @property
     def extensive(self) -> tuple[bool, ...]:
         """tuple of bool: Which channels are amounts, as forces in N, and not averages, as pressures."""
         return tuple(is_extensive(name, unit) for name, unit in zip(self.channels, self.units))
+
+    def modalities(self, map: Map) -> tuple[str | None, ...]:
+        """Of which modality besides touch each channel is, as "thermal", of those whose sensors a map has; else None."""
+        check_kind("map", map, Map, A_MAP)
+        return tuple(map.modality(name, unit) for name, unit in zip(self.channels, self.units))
 
     def condition(
         self,
@@ -497,6 +522,9 @@ class Readings:
         measured = pooled
         if of_map.measured is not None:
             measured = replace(of_map, values=np.where(of_map.measured, of_map.values, np.nan)).pooled(map, level)
+        # A channel of another modality than the level has no values there, and does not count.
+        ever = [np.isfinite(map.pool(np.where(map._read(of), 0.0, np.nan), level, modality=of)).any() for of in self.modalities(map)]
+        measured = measured[:, np.array(ever)] if any(ever) else measured
         made: dict[str, dict[str, Any]] = {}
         names = keys(map, level)
         for name, _, fields in field_counts(map, level):
@@ -535,8 +563,11 @@ class Readings:
         values = self.on(map).values
         if not self.channels:
             return map.pool(values, level)
-        kinds = enumerate(self.extensive)
-        parts = [map.pool(values[:, k : k + 1], level, extensive=kind, threads=threads) for k, kind in kinds]
+        kinds = list(zip(range(len(self.channels)), self.extensive, self.modalities(map)))
+        if isinstance(level, str):
+            # Of a level of a modality readings of others are none.
+            values = np.stack([np.where(map._read(of), values[:, k], np.nan) for k, _, of in kinds], axis=1)
+        parts = [map.pool(values[:, k : k + 1], level, extensive=kind, modality=of, threads=threads) for k, kind, of in kinds]
         return np.concatenate(parts, axis=1)
 
     def summary(
@@ -572,7 +603,8 @@ class Readings:
         Returns
         -------
         list of dict
-            One for each group or step, with the columns of `dermatome summary`; None where something is not known.
+            One for each group or step, with the columns of `dermatome summary`; None where something is not known. Of several
+            episodes each has its rows, and their number is `episode`.
 
         Raises
         ------
@@ -588,10 +620,16 @@ class Readings:
         >>> whole["group"], whole["taxels"], whole["force_peak"] > 0
         ('whole', 81.0, True)
         """
+        if len(parts := self.by_episode()) > 1:
+            # Each has its own rows, as those of the command.
+            how: Any = {"channel": channel, "threshold": threshold, "probe": probe, "level": level, "by": by}
+            return [{"episode": part.episode, **row} for part in parts for row in part.summary(map, **how)]
         joined = self.on(map)
         names = joined.channels or ("",)
         channel = None if channel is None else one_of("channel", channel, names)
         main = _main(joined)
+        if channel is not None and names.count(channel) > 1:
+            raise DataError(f"channel: found several of the name {channel!r}; needed: other names; dataclasses.replace(readings, channels=...) gives them")
         number = main if channel is None else names.index(channel)
         unit = joined.units[number] if joined.units else ""
         rows, found, _ = summarise_readings(
@@ -624,7 +662,8 @@ class Readings:
         import numpy as np
 
         values = self.on(map).values
-        parts = [map.pool_regions(values[:, k], extensive=kind) for k, kind in enumerate(self.extensive)]
+        kinds = enumerate(zip(self.extensive, self.modalities(map)))
+        parts = [map.pool_regions(values[:, k], extensive=kind, modality=of) for k, (kind, of) in kinds]
         return np.stack(parts, axis=1)
 
     def by_area(self, map: Map, areas: Mapping[str, int] | ArrayLike | None = None) -> NDArray[np.float32]:
@@ -671,7 +710,8 @@ class Readings:
         ----------
         map : Map, optional
             The map in whose order they are then: its taxels have the coordinates `patch`, `x`, `y`, `z` (m, in the frame of
-            their link), `u`, `v` (m, on the map).
+            their link), `u`, `v` (m, on the map). Where patches share ids, `taxel_id` has them, and taxels are in the order
+            of the map.
 
         Raises
         ------
@@ -681,10 +721,15 @@ class Readings:
             If readings are not of the map.
         """
         if map is not None:
+            import numpy as np
+
             from dermatome._frames import places
 
             made = self.on(map).to_xarray()
-            return made.assign_coords(taxel=map.ids, **places(map))
+            # Ids that several taxels have do not tell them apart: the order of the map does.
+            is_unique = len(np.unique(map.ids)) == map.n_taxels
+            ids: Any = {"taxel": map.ids} if is_unique else {"taxel_id": ("taxel", map.ids)}
+            return made.assign_coords(**ids, **places(map))
         from dermatome._adapter import need
 
         xarray = need("xarray", "xarray")
@@ -693,6 +738,8 @@ class Readings:
             coords["time"] = self.timestamps
         if self.ids is not None:
             coords["taxel"] = self.ids
+        if self.episodes is not None:
+            coords["episode"] = ("time", self.episodes)
         made = xarray.DataArray(self.values, dims=("time", "channel", "taxel"), coords=coords, name="readings")
         if self.measured is not None:
             made.coords["measured"] = (made.dims, self.measured)
@@ -710,9 +757,14 @@ class Readings:
         FileError
             If it cannot be written.
         DataError
-            If some frames have times and others none.
+            If some frames have times and others none, there is no frame, or the threshold is no number above 0.
         """
         import numpy as np
+
+        if not len(self):
+            raise DataError("readings: found no frame; needed: one or more")
+        if self.threshold is not None and not 0 < self.threshold < float("inf"):
+            raise DataError(f"threshold: found {self.threshold}; needed: a number above 0, or None")
 
         def by_taxel(array: Any) -> Any:
             # With one channel the axes are the same in every layout.
@@ -778,6 +830,8 @@ def _times(given: Any, frames: int) -> NDArray[np.float64]:
 
     if given is None:
         return np.full(frames, np.nan)
+    if np.ma.is_masked(given):
+        raise DataError("timestamps: found masked numbers; needed: a time for each frame, NaN where there is none")
     try:
         array = np.asarray(given)
     except (TypeError, ValueError, OverflowError):

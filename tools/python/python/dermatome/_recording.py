@@ -162,8 +162,8 @@ class Recording:
         units: tuple[str, ...] = ()
         for episode, values, seconds, source in self._decoded(frames):
             if join is None:
-                join = Join(map, source.ids)
                 channels, units = tuple(source.channels), tuple(source.units)
+                join = Join(map, source.ids, channels, units)
             for start in range(0, len(values), frames):
                 part = slice(start, start + frames)
                 made = self._made(join(values[part]), join.ids, seconds[part], channels, units, remarks=join.remarks, episode=episode)
@@ -229,6 +229,7 @@ class Recording:
             known = known[self.episode : self.episode + 1]
         total, at = (sum(known) if known else None), 0
         made: tuple[Readings, Any, Any] | None = None
+        numbers: list[Any] = []
         kept: list[Readings] = []
         size = 0
         for part in self.chunks(map):
@@ -237,6 +238,7 @@ class Recording:
             if size > MOST_BYTES:
                 frames = f"{total} frames" if total else "more frames"
                 raise DataError(f"{self.path}: found {frames} of {each} bytes; needed: at most {MOST_BYTES} bytes in all; chunks() reads them a part at a time")
+            numbers.append(np.full(len(part), part.episode or 0, dtype=np.int64))
             if total is None:
                 kept.append(part)
                 continue
@@ -253,10 +255,20 @@ class Recording:
         said = [f"{what}: {value}" for what, value, source in self.statements if source == "checked" or what == "episodes"]
         episode = first.episode if len(known) <= 1 else None
         remarks = (*first.remarks, *said)
-        return replace(first, values=values[:at], timestamps=times[:at], remarks=remarks, episode=episode)
+        episodes: Any = np.concatenate(numbers)
+        several = episodes if (episodes != episodes[:1]).any() else None
+        return replace(first, values=values[:at], timestamps=times[:at], remarks=remarks, episode=episode, episodes=several)
 
     def skin(self) -> Skin:
-        """A skin of the taxels where the file says where they are: by their pitch, their centres, or points of a cloud."""
+        """A skin of the taxels where the file says where they are: by their pitch, their centres, or points of a cloud.
+
+        Raises
+        ------
+        FileError
+            If the file cannot be read.
+        DataError
+            If it does not say where taxels are.
+        """
         found: Skin | None = None
         if self._container is None:
             found = Skin.read(self.path)
@@ -338,7 +350,15 @@ class Recording:
         return f"<Recording: {self.path}: {shown}{', ...' if len(self.streams) > 3 else ''}>"
 
     def draft(self) -> Draft:
-        """The text of a layout with what the file says, and null where nobody knows, for `Draft.write`."""
+        """The text of a layout with what the file says, and null where nobody knows, for `Draft.write`.
+
+        Raises
+        ------
+        FileError
+            If the file cannot be read.
+        DataError
+            If it holds several streams and none is chosen.
+        """
         if self._container is None:
             return Draft(self._text.draft() if self._text else draft_of_array(self.path))
         if self._wanted is None and self._track is None and len(names := self._container.single_columns()) > 1:

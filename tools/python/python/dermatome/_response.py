@@ -179,7 +179,7 @@ def _arrays(map: Map, readings: Readings | Sequence[Readings]) -> list[_Arrays]:
     arrays: list[_Arrays] = []
     for name, each in _every(readings):
         try:
-            arrays.append(_of_one(each.on(map)))
+            arrays += [_of_one(part.on(map)) for part in each.by_episode()]
         except DataError as error:
             raise DataError(f"{name}: {error}", error.kind) from None
     return arrays

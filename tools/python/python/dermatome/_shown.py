@@ -30,6 +30,24 @@ def table(map: Map) -> str:
     return f"<p>{said}</p>{map.plot(width=900).svg()}<table><tr>{heads}</tr>{''.join(rows)}</table>"
 
 
+def on_axes(ax: Any, map: Map, patch: str | None, number: int, values: Any, options: dict[str, Any]) -> None:
+    """Shows a level of a patch, or readings on it, in map coordinates."""
+    patch = next(iter(map.patches)) if patch is None else patch
+    levels = map.patches[patch].levels
+    level = levels[min(number, len(levels) - 1)]
+    if values is None:
+        ax.triplot(*level.uv.T, level.uv_faces, linewidth=0.5)
+    else:
+        how = {name: options[name] for name in ("extensive", "modality")}
+        renderer = map.renderer(level.number, patch=patch, **how)
+        frame, (low, high) = renderer.charts[0]["frame"], options["range"] or (None, None)
+        extent = (frame.x, frame.x + frame.width, frame.y, frame.y + frame.height)
+        ax.imshow(renderer(values)[0], extent=extent, vmin=low, vmax=high, interpolation="nearest")
+    ax.set_aspect("equal")
+    ax.set_xlabel("u (m)")
+    ax.set_ylabel("v (m)")
+
+
 def video(renderer: Renderer, values: Any, path: Path, numbers: tuple[int, float, int], range: Sequence[float] | None) -> None:
     """Writes images of readings as a video or an animation."""
     import numpy as np

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import torch  # type: ignore[import-not-found, unused-ignore]
 
 from dermatome._arguments import A_MAP, READINGS, check_kind, flag_of, items_of, mapping_of, number_of, whole_of
+from dermatome._augment import Augment
 from dermatome._dermatome import ContactTracker, Map, Renderer, as_floats, main_channel
 from dermatome._errors import ArgumentError, DataError
-from dermatome._readings import Readings
+from dermatome._readings import Readings, frames_of
 from dermatome._weights import marks, shares
-
 
 # A value whose weights have a smaller sum, in pixels, is shown by none, as the renderer has it.
 LEAST_SEEN = 1e-3
@@ -80,6 +81,8 @@ class Pool(_Gather):
         A patch, whose readings and fields alone there are then.
     extensive : bool
         Whether readings are amounts, as forces: their total is the same on every level.
+    modality : str, optional
+        Of which modality besides touch they are, as "thermal" (`Readings.modalities` says so).
 
     Raises
     ------
@@ -95,8 +98,10 @@ class Pool(_Gather):
     True
     """
 
-    def __init__(self, map: Map, level: int | str, *, patch: str | None = None, extensive: bool = False) -> None:
-        taxel, field, weight, shape = shares(map, level, patch, flag_of("extensive", extensive))
+    def __init__(
+        self, map: Map, level: int | str, *, patch: str | None = None, extensive: bool = False, modality: str | None = None
+    ) -> None:
+        taxel, field, weight, shape = shares(map, level, patch, flag_of("extensive", extensive), modality)
         # Averages need shares, not areas: those of a field have the sum 1 if none is missing.
         scale = 1.0 if extensive else np.bincount(field, weights=weight, minlength=shape[0])[field]
         super().__init__(field, taxel, weight / scale, shape)
@@ -224,6 +229,8 @@ class Touches(torch.utils.data.Dataset):  # type: ignore[misc, type-arg, unused-
         How many frames, the latest last, are in `image`, `mask`, `fields` and `valid`, which then have an axis of them in
         front; before the first frame is the first, also of a later episode, where times begin again. 1 by default, without that
         axis.
+    augment : Augment, optional
+        What changes the readings of each sample before they are drawn, and its contact.
     transform : callable, optional
         What is called with each sample and returns it, changed.
 
@@ -258,6 +265,7 @@ class Touches(torch.utils.data.Dataset):  # type: ignore[misc, type-arg, unused-
         threshold: float | None = None,
         actions: Any = None,
         history: int = 1,
+        augment: Augment | None = None,
         transform: Callable[[dict[str, Any]], Any] | None = None,
     ) -> None:
         self.history, self.transform = whole_of("history", history, "a number of frames above 0"), transform
@@ -267,6 +275,11 @@ class Touches(torch.utils.data.Dataset):  # type: ignore[misc, type-arg, unused-
             raise ArgumentError(f"transform: found {type(transform).__name__}; needed: a function of a sample")
         check_kind("map", map, Map, A_MAP)
         check_kind("readings", readings, Readings, READINGS)
+        if augment is not None:
+            check_kind("augment", augment, Augment, "an Augment")
+            if augment.map != map:
+                raise DataError("augment: found one of another map; needed: that of the readings")
+        self.augment = augment
         self.actions: Any = None if actions is None else as_floats("actions", actions).astype(np.float32)
         if self.actions is not None:
             if self.actions.shape[:1] != (len(readings),):
@@ -277,7 +290,8 @@ class Touches(torch.utils.data.Dataset):  # type: ignore[misc, type-arg, unused-
         self.size = size
         # The first frame of each episode, of whose frames alone the history is.
         times = readings.timestamps
-        begins = np.concatenate([[0], np.flatnonzero(np.diff(times) < 0) + 1]).astype(np.int64)
+        numbers = np.zeros(len(times)) if readings.episodes is None else readings.episodes
+        begins = np.concatenate([[0], np.flatnonzero((np.diff(times) < 0) | (np.diff(numbers) != 0)) + 1]).astype(np.int64)
         self._first: Any = begins[np.searchsorted(begins, np.arange(len(times)), side="right") - 1]
         self._renderer: Renderer | None = None
         self._made()  # What cannot be drawn is refused here, not in a worker.
@@ -295,7 +309,7 @@ class Touches(torch.utils.data.Dataset):  # type: ignore[misc, type-arg, unused-
         if isinstance(frame, slice):
             return subset(self, range(len(self))[frame])
         if np.ndim(frame) > 0:
-            numbers = np.asarray(frame)
+            numbers = frames_of(frame, len(self))
             chosen = np.flatnonzero(numbers) if numbers.dtype == bool else numbers
             return subset(self, [range(len(self))[int(k)] for k in chosen])
         return self.__getitems__([frame])[0]
@@ -307,9 +321,19 @@ class Touches(torch.utils.data.Dataset):  # type: ignore[misc, type-arg, unused-
         back: Any = np.maximum(chosen[:, None] + np.arange(1 - self.history, 1), self._first[chosen][:, None])
         drawn: Any = np.unique(back)
         places = drawn.searchsorted(back)
+        if self.augment is not None:
+            drawn, places = back.ravel(), np.arange(back.size).reshape(back.shape)
         part = self.readings[drawn]
+        changes = None if self.augment is None else [self.augment.sample() for _ in chosen]
+        if changes is not None:
+            changed = [change.values(part.values[at], part.extensive) for change, at in zip(changes, places)]
+            measured = part.measured
+            part = replace(part.with_values(np.concatenate([*changed, part.values[:0]])), measured=measured)
         images, fields = self._made()(part.values, threads=1), part.pooled(self.map, self.level, threads=1)
         mask, valid = np.isfinite(images), np.isfinite(fields)
+        if part.measured is not None:
+            # What was filled has a value and was not measured.
+            valid &= np.isfinite(replace(part, values=np.where(part.measured, part.values, np.nan)).pooled(self.map, self.level, threads=1))
         arrays = {
             "image": np.where(mask, images, np.float32(self.fill)),
             "mask": mask,
@@ -320,7 +344,11 @@ class Touches(torch.utils.data.Dataset):  # type: ignore[misc, type-arg, unused-
         tensors = {name: tensor_of(array[of_sample]) for name, array in arrays.items()}
         if self.actions is not None:
             tensors["action"] = tensor_of(self.actions[chosen])
-        contacts = {name: tensor_of(array[chosen]) for name, array in self.contacts.items()}
+        of_samples = {name: array[chosen] for name, array in self.contacts.items()}
+        for k, change in enumerate(changes or []):
+            for name, value in change.contact({name: array[k] for name, array in of_samples.items()}).items():
+                of_samples[name][k] = value
+        contacts = {name: tensor_of(array) for name, array in of_samples.items()}
         samples = [
             {**{name: each[k] for name, each in tensors.items()}, "contact": {name: each[k] for name, each in contacts.items()}}
             for k in range(len(chosen))
@@ -335,6 +363,7 @@ class Touches(torch.utils.data.Dataset):  # type: ignore[misc, type-arg, unused-
                 patch=self.patch,
                 channels=len(self.readings.channels),
                 extensive=self.readings.extensive,
+                modality=self.readings.modalities(self.map),
                 size=self.size,
                 pack=is_packed,
             )
@@ -389,6 +418,9 @@ def _truth(map: Map, readings: Readings, truth: dict[str, Any]) -> dict[str, Any
 
 
 def _tracked(map: Map, readings: Readings, threshold: float | None) -> dict[str, Any]:
+    if len(parts := readings.by_episode()) > 1:
+        made = [_tracked(map, part, threshold) for part in parts]
+        return {name: np.concatenate([each[name] for each in made]) for name in made[0]}
     contacts, numbers = _blank(len(readings)), {name: number for number, name in enumerate(map.patches)}
     channel = main_channel(readings.channels, readings.units)
     unit = readings.units[channel] if readings.units else ""
@@ -404,5 +436,5 @@ def _tracked(map: Map, readings: Readings, threshold: float | None) -> dict[str,
     return contacts
 
 
-for _class in (Pool, Draw, Touches):
+for _class in (Augment, Pool, Draw, Touches):
     _class.__module__ = "dermatome.torch"

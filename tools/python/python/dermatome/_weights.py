@@ -11,8 +11,10 @@ from dermatome._dermatome import Map, Renderer
 LEAST = 1e-18
 
 
-def shares(map: Map, level: int | str, patch: str | None, extensive: bool) -> tuple[Any, Any, Any, tuple[int, int]]:
-    """Taxel, field and weight of every share that a taxel that is present has in a field, and the numbers of both.
+def shares(
+    map: Map, level: int | str, patch: str | None, extensive: bool, modality: str | None = None
+) -> tuple[Any, Any, Any, tuple[int, int]]:
+    """Taxel, field and weight of every share that a taxel with readings has in a field, and the numbers of both.
 
     Averages are weighted by areas (m^2).
     """
@@ -20,9 +22,9 @@ def shares(map: Map, level: int | str, patch: str | None, extensive: bool) -> tu
     of = list(patches_of(map).values()) if patch is None else [patch_of(map, patch)]
     direct = map.pooling(level if isinstance(level, str) else checked(map, level), patch=patch)
     taxels, fields = direct.shape
-    present = map.present[of[0].start : of[0].start + taxels] == 1
+    is_read = map._read(modality)[of[0].start : of[0].start + taxels]
     taxel = np.repeat(np.arange(taxels), np.diff(direct.indptr))
-    kept = present[taxel] & (direct.data != 0)
+    kept = is_read[taxel] & (direct.data != 0)
     taxel, weight = taxel[kept], direct.data[kept]
     if not extensive:
         weight = weight * np.concatenate([each.levels[0].areas for each in of])[taxel]

@@ -92,6 +92,7 @@ def frame(
     level: int | str = 1,
     *,
     extensive: bool = False,
+    modality: str | None = None,
     images: dict[str, Renderer] | None = None,
     limit: float | None = None,
 ) -> dict[str, Any]:
@@ -101,6 +102,8 @@ def frame(
     ----------
     extensive : bool
         Whether readings are amounts, as forces: their total is the same on every level.
+    modality : str, optional
+        Of which modality besides touch they are, as "thermal" (`Readings.modalities` says so).
     limit : float, optional
         The value that is white in the pictures, in the unit in which the renderers draw: that of the readings (1 by
         default), or for renderers of amounts that per m^2 of the map, which has no default.
@@ -121,7 +124,7 @@ def frame(
     values = as_floats("values", values)
     if values.shape != (map.n_taxels,):
         raise DataError(f"values: found shape {values.shape}; needed: ({map.n_taxels},), one frame of one channel")
-    pooled = map.pool(values, level, extensive=extensive)
+    pooled = map.pool(values, level, extensive=extensive, modality=modality)
     known = np.isfinite(pooled)
     finite, valid = np.where(known, pooled, np.float32(0)), known.astype(np.float32)
     made: dict[str, Any] = {}
@@ -135,8 +138,8 @@ def frame(
     return made
 
 
-def masks(map: Map, level: int | str = 1) -> dict[str, Any]:
-    """Which values of each feature are ever known: (n,) bool arrays, the same in every frame.
+def masks(map: Map, level: int | str = 1, *, modality: str | None = None) -> dict[str, Any]:
+    """Which values of each feature are ever known: (n,) bool arrays, the same in every frame, of touch or another modality.
 
     Raises
     ------
@@ -145,5 +148,5 @@ def masks(map: Map, level: int | str = 1) -> dict[str, Any]:
     """
     np = need("numpy", "lerobot")
     check_kind("map", map, Map, A_MAP)
-    known, names = np.isfinite(map.pool(np.zeros(map.n_taxels), level)), keys(map, level)
+    known, names = np.isfinite(map.pool(np.zeros(map.n_taxels), level, modality=modality)), keys(map, level)
     return {names[name]: known[fields].copy() for name, _, fields in field_counts(map, level)}

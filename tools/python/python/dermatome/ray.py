@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import inspect
 import os
 from collections.abc import Iterable, Mapping
@@ -9,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from dermatome._adapter import need
-from dermatome._arguments import items_of, mapping_of, one_of, path_of
+from dermatome._arguments import items_of, mapping_of, one_of, path_of, whole_of
 from dermatome._dermatome import Index, Layout, Map
 from dermatome._errors import DataError, Error, FileError
 from dermatome._readings import Readings
@@ -25,7 +26,7 @@ def _map_of(map: Any) -> Map:
 
 def _options_of(renderer: Any) -> dict[str, Any]:
     """Arguments of `Map.renderer`, but those that follow from the recording."""
-    known = [name for name in inspect.signature(Map.renderer).parameters if name not in ("self", "level", "channels", "extensive")]
+    known = [name for name in inspect.signature(Map.renderer).parameters if name not in ("self", "level", "channels", "extensive", "modality")]
     return {one_of("renderer", name, known): value for name, value in mapping_of("renderer", renderer, "a dict of arguments of Map.renderer").items()}
 
 
@@ -53,14 +54,16 @@ class Lookup:
 
     def __init__(self, map: str | os.PathLike[str] | bytes, level: int = 0, threads: int = 1) -> None:
         read = _map_of(map)
-        self.level, self.threads = level, threads
+        self.level, self.threads = whole_of("level", level, "the number of a level"), threads
+        read.n_fields(self.level)  # A level that the map does not have is refused here, not in a worker.
         self.index: Index = read.index(threads=threads)
 
     def __call__(self, batch: Any) -> Any:
         np, arrow = need("numpy", "ray"), need("pyarrow", "ray")
         points = np.column_stack([batch[name].to_numpy() for name in ("x", "y", "z")])
         hits = self.index.locate(points, level=self.level, threads=self.threads)
-        assert hits.uv is not None
+        if hits.uv is None:
+            raise DataError(f"level: found {self.level!r}, which has no map; needed: the number of a level")
         columns = {
             "patch": hits.patch,
             "field": hits.field,
@@ -123,7 +126,7 @@ class Render:
 
     Each row of `episodes` becomes a file in a folder, `NAME.npz` with `values` (T, C, H, W), or (T, C, fields), float32,
     `timestamps` (T,) in s, `channels` and `units`. A file is there once it is whole, and an episode that has one is not read
-    again: a job that was stopped goes on where it was. A worker holds one episode, the driver a row of each: `file`,
+    again: a job that was stopped goes on where it was. A file of another map, level, renderer or recording is an error. A worker holds one episode, the driver a row of each: `file`,
     `frames`, and `error`, which says why an episode that cannot be read has no file.
 
     Parameters
@@ -158,10 +161,11 @@ class Render:
         layout: Layout | str | os.PathLike[str] | Mapping[str, Any] | None = None,
     ) -> None:
         self.map = _map_of(map)
+        self._hash = hashlib.sha256(self.map.to_bytes()).hexdigest()
         self.folder, self.level = Path(path_of("folder", folder)), level
         self.options = None if renderer is None else _options_of(renderer)
         self._opening: dict[str, Any] = {"stream": stream, "layout": layout}
-        self._draw: dict[tuple[bool, ...], Any] = {}
+        self._draw: dict[Any, Any] = {}
         self._recording: Any = None
         self._values(Readings.from_arrays([[0.0] * self.map.n_taxels]))  # What cannot be drawn is an error before any episode is read.
         try:
@@ -174,8 +178,14 @@ class Render:
         file = self.folder / f"{row['file']}.npz"
         said = {"file": str(file), "frames": 0, "error": ""}
         if file.exists():
-            with np.load(file) as made:
-                return said | {"frames": len(made["timestamps"])}
+            try:
+                with np.load(file) as made:
+                    if os.path.exists(row["path"]) and str(made["made_by"]) != self._made_by(row):
+                        needed = "another folder, or none of this name: remove it, and the episode is read again"
+                        return said | {"error": f"{file}: found a file of another map, level, renderer or recording; needed: {needed}"}
+                    return said | {"frames": len(made["timestamps"])}
+            except Exception as error:  # Of a damaged file numpy raises what its parts do.
+                return said | {"error": f"{file}: cannot be read: {error}; needed: a whole file, or none: remove it, and the episode is read again"}
         try:
             parts = list(self._episode(row))
         except Error as error:
@@ -186,8 +196,15 @@ class Render:
         arrays = {"values": np.concatenate([self._values(part) for part in parts]), "timestamps": np.concatenate([part.timestamps for part in parts])}
         # Another worker may write the same episode.
         with written(file) as part:
-            np.savez(part, **arrays, channels=np.array(first.channels), units=np.array(first.units))
+            about = {"channels": np.array(first.channels), "units": np.array(first.units), "made_by": np.array(self._made_by(row))}
+            np.savez(part, **arrays, **about)
         return said | {"frames": len(arrays["timestamps"])}
+
+    def _made_by(self, row: dict[str, Any]) -> str:
+        """What a file follows from, as a number: map, level, renderer, how recordings are read, and the recording as it is."""
+        about = os.stat(row["path"])
+        text = repr((self._hash, self.level, self.options, self._opening, row["path"], row["episode"], about.st_size, about.st_mtime_ns))
+        return hashlib.sha256(text.encode()).hexdigest()
 
     def _episode(self, row: dict[str, Any]) -> Any:
         """The chunks of an episode; the headers of a recording are read once for all that follow each other."""
@@ -201,9 +218,10 @@ class Render:
             return part.pooled(self.map, self.level)
         if isinstance(self.level, str):
             raise DataError(f"level: found {self.level!r} and a renderer; needed: the number of a level, or no renderer")
-        kinds = part.extensive
+        kinds = part.extensive, part.modalities(self.map)
         if kinds not in self._draw:
-            self._draw[kinds] = self.map.renderer(self.level, channels=len(kinds), extensive=list(kinds), **self.options)
+            how: Any = {"channels": len(part.channels), "extensive": kinds[0], "modality": kinds[1]}
+            self._draw[kinds] = self.map.renderer(self.level, **how, **self.options)
         return self._draw[kinds](part.values)
 
 
@@ -222,6 +240,10 @@ def touch_counts(batch: Any) -> Any:
     wanted = [("taxel_id", "count")]
     if "force" in batch.column_names:
         wanted += [("force", "sum"), ("force", "max")]
+        compute, at = need("pyarrow.compute", "ray"), batch.column_names.index("force")
+        # A force that is not known is none, also as NaN.
+        force = batch.column("force").cast("float64")
+        grouped = batch.set_column(at, "force", compute.if_else(compute.is_nan(force), None, force)).group_by(["patch", "field"])
     made = grouped.aggregate(wanted)
     return made.rename_columns(["count" if name == "taxel_id_count" else name for name in made.column_names])
 
@@ -240,7 +262,7 @@ def total(dataset: Any) -> Any:
     parts = [part for part in dataset.iter_batches(batch_format="pyarrow", batch_size=None) if len(part)]
     if not parts:
         return arrow.table({})
-    table = arrow.concat_tables(parts)
+    table = arrow.concat_tables(parts, promote_options="default")
     wanted = [("count", "sum")]
     if "force_sum" in table.column_names:
         wanted += [("force_sum", "sum"), ("force_max", "max")]

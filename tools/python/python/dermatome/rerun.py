@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from dermatome._adapter import fields_of, need
 from dermatome._arguments import READINGS, check_kind, number_of, word_of
 from dermatome._dermatome import Map
@@ -49,7 +51,8 @@ def log(
     check_kind("readings", readings, Readings, READINGS)
     readings = readings.on(map)
     channel = channel_of(readings, channel)
-    values = map.pool(readings.values[:, channel], level, extensive=readings.extensive[channel])
+    how: Any = {"extensive": readings.extensive[channel], "modality": readings.modalities(map)[channel]}
+    values = map.pool(readings.values[:, channel], level, **how)
     top = (0.0 if limit is None else number_of("limit", limit, "a number above 0")) or float(np.nanmax(np.abs(values), initial=0.0)) or 1.0
     for frame, row in enumerate(values):
         if np.isfinite(readings.timestamps[frame]):

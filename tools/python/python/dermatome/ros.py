@@ -212,7 +212,11 @@ def _sensors(sensors: list[tuple[str, int]], values: Any, map: Map, count: int) 
     np = need("numpy", "ros")
     names, lengths, patches = [name for name, _ in sensors], [length for _, length in sensors], map.patches
     if all(name in patches for name in names) and lengths == [patches[name].n_taxels for name in names]:
-        return _Numbers(values[None], ["tactile"], np.concatenate([patches[name].ids for name in names]))
+        # In the order of the map: patches may share ids.
+        columns = np.full(count, np.nan)
+        for name, part in zip(names, np.split(values, np.cumsum(lengths)[:-1])):
+            columns[patches[name].start : patches[name].start + patches[name].n_taxels] = part
+        return _Numbers(columns[None], ["tactile"])
     if set(lengths) == {count}:
         return _Numbers(values.reshape(len(sensors), count), names)
     if sum(lengths) == count:
@@ -322,9 +326,10 @@ def write(
     path, topic = path_of("path", path), word_of("topic", topic, "the name of a topic")
     readings = readings.on(map)
     channel = channel_of(readings, channel)
-    values, extensive = readings.values[:, channel], readings.extensive[channel]
+    values = readings.values[:, channel]
+    how: Any = {"extensive": readings.extensive[channel], "modality": readings.modalities(map)[channel]}
     names = list(map.patches) if patch is None else [patch_of(map, patch).name]
-    pooled = map.pool(values, level, extensive=extensive)
+    pooled = map.pool(values, level, **how)
     fields = {name: part for name, _, part in fields_of(map, level)}
     stamps = _stamps(readings.timestamps)
     if Path(path).exists():
@@ -332,7 +337,7 @@ def write(
     with written(path) as part, rosbag2.Writer(part, version=9) as writer:
         for name, prefix in zip(names, _prefixes(topic, names)):
             of = level_of(map, name, level)
-            renderer = map.renderer(of.number, patch=name, extensive=extensive)
+            renderer = map.renderer(of.number, patch=name, **how)
             frame = map.patches[name].link
             _write_images(writer, store, f"{prefix}/image", frame, stamps, renderer(values)[:, 0])
             _write_points(writer, store, f"{prefix}/points", frame, stamps, of, np.ascontiguousarray(pooled[:, fields[name]]))

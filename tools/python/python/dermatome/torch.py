@@ -10,14 +10,15 @@ from dermatome._dermatome import Map, Matrix, Renderer
 from dermatome._weights import shares
 
 if TYPE_CHECKING:
+    from dermatome._augment import Augment
     from dermatome._torch import Draw, Pool, Touches
 
-__all__ = ["Draw", "Pool", "Touches", "pixels", "pooling", "tensor"]
+__all__ = ["Augment", "Draw", "Pool", "Touches", "pixels", "pooling", "tensor"]
 
 
 def __getattr__(name: str) -> Any:
     # The classes inherit from those of torch, which is imported when one of them is asked for.
-    if name in ("Draw", "Pool", "Touches"):
+    if name in ("Augment", "Draw", "Pool", "Touches"):
         need("torch", "torch")
         from dermatome import _torch
 
@@ -40,7 +41,14 @@ def tensor(matrix: Matrix, *, device: Any = None, dtype: Any = None) -> Any:
 
 
 def pooling(
-    map: Map, level: int | str, *, patch: str | None = None, extensive: bool = False, device: Any = None, dtype: Any = None
+    map: Map,
+    level: int | str,
+    *,
+    patch: str | None = None,
+    extensive: bool = False,
+    modality: str | None = None,
+    device: Any = None,
+    dtype: Any = None,
 ) -> Any:
     """The pooling of values where no reading is missing: (fields, taxels), sparse COO.
 
@@ -51,13 +59,15 @@ def pooling(
     ----------
     extensive : bool
         Whether values are amounts, as forces: columns have the sum 1. By default they are averages: rows have the sum 1.
+    modality : str, optional
+        Of which modality besides touch they are, as "thermal": columns of other taxels are empty.
 
     Raises
     ------
     DataError
         If the map has no such level or patch.
     """
-    taxel, field, weight, shape = shares(map, level, patch, flag_of("extensive", extensive))
+    taxel, field, weight, shape = shares(map, level, patch, flag_of("extensive", extensive), modality)
     if not extensive:
         np = need("numpy", "torch")
         weight = weight / np.bincount(field, weights=weight, minlength=shape[0])[field]

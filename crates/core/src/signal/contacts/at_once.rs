@@ -8,7 +8,7 @@
 use crate::id::{IdVec, VertexId};
 use crate::map::{PatchMap, SkinMap};
 use crate::signal::Tick;
-use crate::signal::clock::SAME_S;
+use crate::signal::clock::{SAME_S, visit_count};
 use crate::signal::contacts::{ContactEvent, ContactRegion};
 use crate::skin::{LinkId, PatchId};
 
@@ -102,6 +102,20 @@ impl AtOnce {
         }
     }
 
+    /// All that it remembers, number by number, to be read or set.
+    pub(super) fn visit(&mut self, visit: &mut dyn FnMut(&mut f64)) {
+        visit(&mut self.now);
+        visit(&mut self.strongest.0);
+        visit_count(&mut self.strongest.1, visit);
+        for touch in &mut self.touches {
+            visit_count(&mut touch.frames, visit);
+            visit(&mut touch.load);
+            touch.bin = if touch.load > 0.0 { bin_of(touch.load) } else { i32::MIN };
+            visit(&mut touch.until);
+            touch.votes.iter_mut().flatten().for_each(&mut *visit);
+        }
+    }
+
     /// The number of contacts of the strongest touch so far; 0 if there was none.
     pub(super) fn strongest(&self) -> usize {
         let going_on = self.touches.iter().filter(|touch| touch.frames > 1);
@@ -110,14 +124,19 @@ impl AtOnce {
     }
 }
 
+/// The bin of a load above 0.
+#[expect(clippy::cast_possible_truncation, reason = "the logarithm of a number has few digits")]
+fn bin_of(load: f64) -> i32 {
+    (load.ln().min(1e3) / BIN_RATIO.ln()).floor() as i32
+}
+
 impl Touch {
     fn add(&mut self, load: f64, count: usize) {
         self.frames += 1;
         if !(load.is_finite() && load > 0.0) {
             return;
         }
-        #[expect(clippy::cast_possible_truncation, reason = "the logarithm of a number has few digits")]
-        let bin = (load.ln() / BIN_RATIO.ln()).floor() as i32;
+        let bin = bin_of(load);
         let slot = |bin: i32| bin.rem_euclid(BINS).unsigned_abs() as usize;
         if self.load == 0.0 {
             self.bin = bin;

@@ -6,7 +6,7 @@ use crate::map::{PatchMap, SkinMap};
 use crate::mesh::{VertexCorners, neighbours};
 use crate::numeric::{Csr, storable};
 use crate::pyramid::LevelId;
-use crate::signal::clock::FRAMES_AHEAD;
+use crate::signal::clock::{FRAMES_AHEAD, visit_count};
 use crate::signal::contacts::ContactRegion;
 use crate::signal::contacts::at_once::AtOnce;
 use crate::signal::contacts::find::Finder;
@@ -384,18 +384,39 @@ pub struct TrackerState {
     pub contacts: Vec<ContactRegion>,
     /// Number of the next contact.
     pub next: u64,
+    /// What else it remembers: steps of times, votes for the number of contacts, readings far below rest.
+    pub memory: Vec<f64>,
 }
 
 impl ContactTracker {
+    /// What it remembers besides threshold, rest and contacts, number by number, to be read or set.
+    fn visit(&mut self, visit: &mut dyn FnMut(&mut f64)) {
+        self.clock.visit(visit);
+        self.at_once.visit(visit);
+        visit_count(&mut self.ahead, visit);
+        visit_count(&mut self.below, visit);
+        let mut is_moving = usize::from(self.is_moving);
+        visit_count(&mut is_moving, visit);
+        self.is_moving = is_moving > 0;
+        for frames in self.below_for.iter_mut().flat_map(|patch| patch.iter_mut()) {
+            let mut count = *frames as usize;
+            visit_count(&mut count, visit);
+            *frames = u32::try_from(count).unwrap_or(u32::MAX / 2);
+        }
+    }
+
     /// What it has learned and follows.
     pub fn state(&self) -> TrackerState {
         let goes_on = |region: &&ContactRegion| region.event != ContactEvent::Release;
+        let mut memory = Vec::new();
+        self.clone().visit(&mut |number| memory.push(*number));
         TrackerState {
             threshold: self.noise.known(),
             learned: self.noise.kept().to_vec(),
             rest: self.rest.iter().flat_map(|patch| patch.iter().copied()).collect(),
             contacts: self.found.iter().filter(goes_on).cloned().collect(),
             next: self.next,
+            memory,
         }
     }
 
@@ -409,6 +430,8 @@ impl ContactTracker {
             let needed = "0, that is a probe other than fingers,";
             return Err(SignalError::option("the number of contact states with fingers", 1.0, needed));
         }
+        let mut numbers = 0;
+        self.visit(&mut |_| numbers += 1);
         let taxels: usize = self.rest.iter().map(|patch| patch.len()).sum();
         let is_known = |region: &ContactRegion| {
             let patch = self.patches.get(region.patch);
@@ -423,6 +446,7 @@ impl ContactTracker {
                 && !region.taxels.is_empty()
         };
         let fits = state.rest.len() == taxels
+            && state.memory.len() == numbers
             && state.learned.len().is_multiple_of(taxels.max(1))
             && state.contacts.iter().all(is_known);
         if !fits {
@@ -435,6 +459,8 @@ impl ContactTracker {
         }
         let mut rest = state.rest.into_iter();
         self.rest.iter_mut().flat_map(|patch| patch.iter_mut()).zip(&mut rest).for_each(|(to, x)| *to = x);
+        let mut memory = state.memory.into_iter();
+        self.visit(&mut |number| *number = memory.next().unwrap_or(*number));
         self.noise.resume(state.threshold, state.learned);
         self.high = self.noise.known();
         self.shown = state.contacts.iter().filter(|region| region.age >= self.options.lasting).count();

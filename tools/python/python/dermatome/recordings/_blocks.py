@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 from dermatome._dermatome import Map, join_readings
@@ -14,7 +14,7 @@ from dermatome.recordings._track import Block
 class Join:
     """Puts readings into the order of a map."""
 
-    def __init__(self, map: Map | None, ids: Any) -> None:
+    def __init__(self, map: Map | None, ids: Any, channels: Sequence[str], units: Sequence[str]) -> None:
         import numpy as np
 
         self.ids, self.order, self.missing = ids, None, None
@@ -26,12 +26,13 @@ class Join:
             self.count = map.n_taxels
             return
         self.ids = None
-        joined, said = join_readings(map, np.arange(len(ids), dtype=np.float64)[None, None], ids)
-        self.remarks, columns = tuple(said), joined[0, 0]
-        missing = np.isnan(columns)
-        order = np.where(missing, 0, columns).astype(np.int64)
+        # On patches with sensors of the modality of a channel these have its readings, and no other taxel.
+        columns = np.tile(np.arange(len(ids), dtype=np.float64), (1, len(channels), 1))
+        joined, said = join_readings(map, columns, ids, channels, units)
+        self.remarks, missing = tuple(said), np.isnan(joined[0])
+        order = np.where(missing, 0, joined[0]).astype(np.int64)
         self.missing = missing if missing.any() else None
-        self.order = None if self.missing is None and np.array_equal(order, np.arange(len(ids))) else order
+        self.order = None if self.missing is None and (order == np.arange(len(ids))).all() else order
 
     def __call__(self, values: Any) -> Any:
         import numpy as np
@@ -40,9 +41,9 @@ class Join:
             raise DataError(f"readings: found {values.shape[2]} columns without ids; needed: {self.count}, one for each taxel of the map, or ids")
         if self.order is None:
             return values
-        made = np.take(values, self.order, axis=2)
+        made = np.take_along_axis(values, self.order[None], axis=2)
         if self.missing is not None:
-            made[:, :, self.missing] = np.nan
+            made[:, self.missing] = np.nan
         return made
 
 

@@ -60,6 +60,6 @@ def by_area(readings: Readings, map: Map, areas: Any) -> NDArray[np.float32]:
     import numpy as np
 
     numbers = [int(number) for number in area_numbers(map, areas)]
-    kinds = enumerate(readings.extensive)
-    parts = [map._pool_groups(readings.values[:, k], numbers, len(AREAS), extensive=kind) for k, kind in kinds]
+    kinds = enumerate(zip(readings.extensive, readings.modalities(map)))
+    parts = [map._pool_groups(readings.values[:, k], numbers, len(AREAS), extensive=kind, modality=of) for k, (kind, of) in kinds]
     return np.stack(parts, axis=1)

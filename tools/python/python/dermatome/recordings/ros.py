@@ -164,7 +164,9 @@ class BagTrack(Track):
             raise DataError(f"{where}: found other ids than in the first message; needed: {len(order)} ids, each once and all of them known")
         if len(at) < len(order):
             self.state("ids", "some messages lack some ids: no readings there")
-        made = np.full(first.values.shape, np.nan, np.result_type(frame.values.dtype, np.float32)) if len(at) < len(order) else np.empty_like(first.values)
+        # Types of messages may differ, and where some have no readings there are floats.
+        dtype = np.result_type(frame.values.dtype, np.float32) if len(at) < len(order) else frame.values.dtype
+        made = np.full(first.values.shape, np.nan if len(at) < len(order) else 0, dtype)
         made[order[at]] = frame.values
         return made
 

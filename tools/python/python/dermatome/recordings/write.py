@@ -72,7 +72,7 @@ def write_oxt(recording: Any, path: Any, map: Any, level: int, areas: Mapping[st
 
 def _renderers(map: Any, level: int, patches: list[str], part: Any) -> list[Any]:
     """What draws each patch, with pixels of one size."""
-    how: dict[str, Any] = {"channels": len(part.channels), "extensive": list(part.extensive)}
+    how: dict[str, Any] = {"channels": len(part.channels), "extensive": part.extensive, "modality": part.modalities(map)}
     numbers = [level_of(map, patch, level).number for patch in patches]
     drawn = [map.renderer(number, patch=patch, **how) for number, patch in zip(numbers, patches)]
     pixel = max(max(each.pixel) for each in drawn)
