@@ -4,7 +4,7 @@ use std::process::ExitCode;
 use std::sync::Arc;
 
 use dermatome::Error;
-use dermatome::io::{KnownRest, ReadingsWriter, file_kind};
+use dermatome::io::{KnownRest, ReadingsColumns, ReadingsWriter, file_kind};
 use dermatome::recording::FrameRange;
 use dermatome::signal::{Carry, Channel, Frame, Quantity};
 use dermatome::skin::Presence;
@@ -72,8 +72,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     note_count(common, others as u64, "taxels", "of another modality than pressure, which are not carried");
     let output = common.outputs.file(&args.output);
     let patches = to.patches.iter().map(|patch| &patch.taxels);
-    let has_times = recording.report().has_times;
-    let mut writer = ReadingsWriter::create(output, patches, &channels, has_times).map_err(Error::from)?;
+    let columns = ReadingsColumns { channels: &channels, has_times: recording.report().has_times };
+    let mut writer = ReadingsWriter::create(output, patches, columns).map_err(Error::from)?;
     // A threshold is of the taxels of the skin that was touched.
     let is_zero = recording.is_tared();
     writer.state_rest(KnownRest { is_zero, threshold: None }).map_err(Error::from)?;
