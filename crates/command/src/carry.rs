@@ -6,7 +6,7 @@ use std::sync::Arc;
 use dermatome::Error;
 use dermatome::io::{KnownRest, ReadingsColumns, ReadingsWriter, file_kind};
 use dermatome::recording::FrameRange;
-use dermatome::signal::{Carry, Channel, Frame, Quantity};
+use dermatome::signal::{Carry, Channel, Frame};
 use dermatome::skin::Presence;
 use serde_json::json;
 
@@ -91,10 +91,9 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         carry.carry_frame(step.frame, &channels, &mut carried);
         writer.write(&carried).map_err(Error::from)?;
         // In terms of amounts: what is averaged counts by area.
-        let is_amount = channels[0].quantity == Quantity::Extensive;
         let amount = |patch, taxel| {
             let value: f64 = step.frame.values[patch][0][taxel];
-            let weight = if is_amount { 1.0 } else { map.patches[patch].taxels.areas[taxel] };
+            let weight = channels[0].quantity.weight(map.patches[patch].taxels.areas[taxel]);
             if value.is_finite() { weight * value.abs() } else { 0.0 }
         };
         lost += carry.outside().iter().map(|&(patch, taxel)| amount(patch, taxel)).sum::<f64>();
