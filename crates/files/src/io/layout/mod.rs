@@ -17,9 +17,9 @@ mod rules;
 
 use std::path::{Path, PathBuf};
 
-use self::cells::{MAX_CELLS, Member};
+use self::cells::Member;
 use self::checks::{CHECKED_FRAMES, Moves};
-use self::clock::{Clock, Fault};
+use self::clock::{Fault, Clock};
 use self::rules::{Press, Zero};
 use crate::io::IoError;
 use crate::io::file::invalid;
@@ -83,37 +83,8 @@ impl Decoder {
     /// # Errors
     /// If the file states something else than the layout: its axes, the shape of a frame, a unit, a rate.
     pub fn new(layout: &Layout, file: &Path, facts: &StreamFacts) -> Result<Self, IoError> {
-        let of_layout = |what: String| format!("{what}, as {} states", layout.name.display());
-        let refuse =
-            |element: &str, found: String, needed: String| Err(invalid(file, element, found, needed));
         let axes: Vec<&str> = layout.frame_axes().collect();
-        let is_of_frame = |axis: &&str| !["frame", "episode"].contains(axis);
-        let stated: Vec<&str> = facts.axes.iter().map(String::as_str).filter(is_of_frame).collect();
-        if axes.len() != facts.cells.len() {
-            let more = if axes.len() < facts.cells.len() && layout.episode_axis().is_none() {
-                "; an axis of trials is called \"episode\""
-            } else {
-                ""
-            };
-            let needed = of_layout(format!("{} axes, frames and {axes:?}", layout.axes.len())) + more;
-            return refuse("axes", format!("frames of the shape {:?}", facts.cells), needed);
-        }
-        if !stated.is_empty() && stated != axes {
-            return refuse("axes", format!("{stated:?}"), of_layout(format!("{axes:?}")));
-        }
-        let width = facts.cells.iter().try_fold(1_usize, |count, &size| count.checked_mul(size));
-        let Some(width) = width.filter(|width| (1..=MAX_CELLS).contains(width)) else {
-            let needed = format!("1 to {MAX_CELLS} numbers in a frame");
-            return refuse("axes", format!("frames of the shape {:?}", facts.cells), needed);
-        };
-        if facts.may_be_mirrored && !layout.states_flips() {
-            let found = "that rows or columns are mirrored, but not whether they are stored so".into();
-            return refuse(
-                "taxels",
-                found,
-                "`flip` in `taxels` of the layout: the axes to flip, or []".into(),
-            );
-        }
+        let width = layout.width_of(&axes, file, facts)?;
         let component = axes.iter().position(|axis| *axis == "component");
         let shape = facts.cells.iter().enumerate().filter(|(k, _)| Some(*k) != component);
         let shape: Vec<usize> = shape.map(|(_, size)| *size).collect();
@@ -130,8 +101,8 @@ impl Decoder {
         for (k, rule) in layout.rules.iter().enumerate() {
             let at = rule.component.unwrap_or(0);
             if at >= components {
-                let needed = of_layout(format!("component {at} of channel {}", rule.name));
-                return refuse("axes", format!("{components} components"), needed);
+                let needed = layout.says(format!("component {at} of channel {}", rule.name));
+                return Err(invalid(file, "axes", format!("{components} components"), needed));
             }
             let scale = layout.scale_of(k, file, facts, &mut statements)?;
             let is_of_touch = layout.channels[k].kind.is_of_touch();
