@@ -3,7 +3,7 @@
 use crate::io::file::times::LATEST;
 use crate::io::layout::facts::{Statement, StatementSource, StreamFacts, TimeUnit, Times};
 use crate::io::layout::rules::TimeRule;
-use crate::signal::{self, Tick};
+use crate::signal::{Clock, Tick};
 
 /// What is wrong with the times: element, found, needed.
 pub(super) type Fault = [String; 3];
@@ -17,7 +17,7 @@ fn fault(element: &str, found: String, needed: &str) -> Fault {
 const OF_RATE: [f64; 2] = [0.8, 1.25];
 
 #[derive(Debug, Clone)]
-pub(super) struct Clock {
+pub(super) struct FrameClock {
     rule: TimeRule,
     /// What the file states: frames per second, and the unit of its times.
     stated_hz: Option<f64>,
@@ -31,7 +31,7 @@ pub(super) struct Clock {
     start: u64,
     first: Option<i64>,
     last: f64,
-    clock: signal::Clock,
+    clock: Clock,
     /// The first times of an episode, until they show the rate.
     early: Vec<f64>,
     is_rate_checked: bool,
@@ -40,7 +40,7 @@ pub(super) struct Clock {
     longest: (f64, u64),
 }
 
-impl Clock {
+impl FrameClock {
     pub(super) fn new(rule: TimeRule, facts: &StreamFacts) -> Self {
         Self {
             rule,
@@ -53,7 +53,7 @@ impl Clock {
             start: 0,
             first: None,
             last: f64::NEG_INFINITY,
-            clock: signal::Clock::new(),
+            clock: Clock::new(),
             early: Vec::new(),
             is_rate_checked: false,
             gaps: 0,

@@ -19,8 +19,8 @@ use std::path::{Path, PathBuf};
 
 use self::cells::Member;
 use self::checks::{CHECKED_FRAMES, Moves};
-use self::clock::{Fault, Clock};
-use self::rules::{Press, Zero};
+use self::clock::{Fault, FrameClock};
+use self::rules::{Press, ZeroRule};
 use crate::io::IoError;
 use crate::io::file::invalid;
 use crate::numeric::Csr;
@@ -54,9 +54,9 @@ pub struct Decoder {
     /// Of the first channel that presses raise: its number, its sign and scale.
     pressed: (usize, f64),
     press: Press,
-    zero: Zero,
+    zero: ZeroRule,
     missing: Vec<f64>,
-    clock: Clock,
+    clock: FrameClock,
     /// Axes of cells: of several, two may be swapped.
     cell_axes: usize,
     /// The episode whose first frames the zero was taken from.
@@ -139,7 +139,7 @@ impl Decoder {
             press: layout.press,
             zero: layout.zero.clone(),
             missing: layout.missing.clone(),
-            clock: Clock::new(layout.time.clone(), facts),
+            clock: FrameClock::new(layout.time.clone(), facts),
             cell_axes: shape.len(),
             zero_of: None,
             has_learned: false,
@@ -170,7 +170,7 @@ impl Decoder {
     pub fn rest(&self, facts: &StreamFacts) -> KnownRest {
         let (channel, scale) = self.pressed;
         let is_zero = self.channels[channel].newtons().is_some();
-        let zero = if let Zero::Number(zero) = self.zero { zero } else { 0.0 };
+        let zero = if let ZeroRule::Number(zero) = self.zero { zero } else { 0.0 };
         let threshold = facts.threshold.map(|x| (x - zero) * scale.abs()).filter(|x| *x > 0.0 && is_zero);
         KnownRest { is_zero, threshold }
     }
@@ -179,7 +179,7 @@ impl Decoder {
     pub fn frames_to_learn(&self) -> usize {
         let checked = CHECKED_FRAMES.min(MAX_LEARNED / self.width).max(1);
         match self.zero {
-            Zero::First { first } => checked.max(first),
+            ZeroRule::First { first } => checked.max(first),
             _ => checked,
         }
     }
@@ -272,25 +272,25 @@ impl Decoder {
     /// Takes the zero that the layout or another stream gives.
     fn set_zero(&mut self, facts: &StreamFacts) -> Result<(), IoError> {
         match (&self.zero, &facts.zero) {
-            (Zero::Stream { stream }, None) => {
+            (ZeroRule::Stream { stream }, None) => {
                 let (found, needed) = (format!("no stream {stream}"), "the stream of the zero");
                 Err(self.invalid("zero", found, needed.into()))
             }
-            (Zero::Stream { .. }, Some(zeros)) if zeros.len() != self.width => {
+            (ZeroRule::Stream { .. }, Some(zeros)) if zeros.len() != self.width => {
                 let found = format!("{} numbers in the stream of the zero", zeros.len());
                 Err(self.invalid("zero", found, format!("{}, one for each of a frame", self.width)))
             }
-            (Zero::Stream { .. }, Some(zeros)) => {
+            (ZeroRule::Stream { .. }, Some(zeros)) => {
                 let zeros = zeros.clone();
                 self.each_number(|number| number.zero = zeros[number.place as usize]);
                 Ok(())
             }
-            (Zero::Number(zero), _) => {
+            (ZeroRule::Number(zero), _) => {
                 let zero = *zero;
                 self.each_number(|number| number.zero = zero);
                 Ok(())
             }
-            (Zero::First { first }, _) if first.saturating_mul(self.width) > 4 * MAX_LEARNED => {
+            (ZeroRule::First { first }, _) if first.saturating_mul(self.width) > 4 * MAX_LEARNED => {
                 let needed = format!("at most {} frames", 4 * MAX_LEARNED / self.width);
                 Err(self.invalid("zero", format!("first {first}"), needed))
             }
@@ -307,7 +307,7 @@ impl Decoder {
 
     /// Takes the mean of the first frames for the zero, if the layout does.
     fn learn_zero<T: Copy + Into<f64>>(&mut self, raw: &[T]) -> Result<(), IoError> {
-        let Zero::First { first } = self.zero else { return Ok(()) };
+        let ZeroRule::First { first } = self.zero else { return Ok(()) };
         let width = self.width;
         if raw.len() / width < first {
             let found = format!("{} frames", raw.len() / width);
@@ -342,7 +342,7 @@ impl Decoder {
             frames.map(|frame| frame[place].into()).filter(|x: &f64| x.is_finite()).collect()
         };
         let taxel = |n| series(values, taxels * channels, channel * taxels + n);
-        let zero = if let Zero::Number(zero) = self.zero { zero } else { 0.0 };
+        let zero = if let ZeroRule::Number(zero) = self.zero { zero } else { 0.0 };
         let moves = Moves::of(&(0..taxels).map(taxel).collect::<Vec<_>>(), zero * scale);
         if let Some(found) = moves.against_zero().filter(|_| zero != 0.0) {
             let needed = format!("another `press` or `zero` in {}", self.layout_name.display());
