@@ -4,7 +4,7 @@ use std::{fs, hint::black_box, path::Path};
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use dermatome::{
-    io::{ReadingsLayout, ReadingsReader, ReadingsWriter},
+    io::{ReadingsColumns, ReadingsLayout, ReadingsReader, ReadingsWriter},
     map::SkinMap,
     mesh::shapes,
     signal::{Channel, ConditionOptions, Conditioner, Duplicates, Frame, Join, Stage},
@@ -17,8 +17,7 @@ fn write(path: &Path, skin: &Skin, frames: u32) {
     let mut writer = ReadingsWriter::create(
         path,
         skin.patches.iter().map(|p| &p.taxels),
-        &[Channel::new("force", "N").unwrap()],
-        true,
+        ReadingsColumns { channels: &[Channel::new("force", "N").unwrap()], has_times: true },
     )
     .expect("a file");
     for t in 0..frames {

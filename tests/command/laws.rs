@@ -10,7 +10,7 @@ use std::path::Path;
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::Rng;
 
-use dermatome::io::{ReadingsWriter, read_map};
+use dermatome::io::{ReadingsColumns, ReadingsWriter, read_map};
 use dermatome::signal::{Channel, Frame};
 use dermatome::skin::PatchId;
 
@@ -379,8 +379,7 @@ fn every_command_gives_the_same_bytes_for_every_form_of_a_recording() {
     let mut writer = ReadingsWriter::create(
         &path,
         map.patches.iter().map(|patch| &patch.taxels),
-        std::slice::from_ref(&channel),
-        true,
+        ReadingsColumns { channels: std::slice::from_ref(&channel), has_times: true },
     )
     .unwrap();
     let mut frame = Frame::new(&map, 1);

@@ -6,8 +6,8 @@ use crate::maps::images::WholeImage;
 use dermatome::atlas::{Atlas, AtlasOptions, Label};
 use dermatome::image::{Renderer, TactileImage};
 use dermatome::io::{
-    FrameContent, IoError, ReadingsWriter, RecordingLayout, RecordingWriter, write_frame, write_raw_frame,
-    write_touches,
+    FrameContent, IoError, ReadingsColumns, ReadingsWriter, RecordingLayout, RecordingWriter, write_frame,
+    write_raw_frame, write_touches,
 };
 use dermatome::map::SkinMap;
 use dermatome::mesh::shapes;
@@ -288,8 +288,7 @@ fn readings_are_written_as_a_table_and_as_arrays() {
         let mut writer = ReadingsWriter::create(
             path,
             skin.patches.iter().map(|p| &p.taxels),
-            std::slice::from_ref(simulation.channel()),
-            true,
+            ReadingsColumns { channels: std::slice::from_ref(simulation.channel()), has_times: true },
         )
         .unwrap();
         while let Some((frame, now)) = simulation.next_frame() {

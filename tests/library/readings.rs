@@ -10,7 +10,8 @@ use std::sync::{Arc, Mutex};
 use crate::common::{data, npy, npy_ordered};
 use dermatome::id::VertexId;
 use dermatome::io::{
-    IoError, KnownRest, Readings, ReadingsLayout, ReadingsReader, ReadingsWriter, read_draft, read_gains,
+    IoError, KnownRest, Readings, ReadingsColumns, ReadingsLayout, ReadingsReader, ReadingsWriter,
+    read_draft, read_gains,
 };
 use dermatome::map::SkinMap;
 use dermatome::mesh::shapes;
@@ -343,8 +344,7 @@ fn written_readings_are_read_back() {
         let mut writer = ReadingsWriter::create(
             &path,
             skin.patches.iter().map(|p| &p.taxels),
-            std::slice::from_ref(&channel),
-            true,
+            ReadingsColumns { channels: std::slice::from_ref(&channel), has_times: true },
         )
         .unwrap();
         frames.iter().for_each(|frame| writer.write(frame).unwrap());
@@ -372,7 +372,8 @@ fn readings_without_times_are_read_back_without() {
         let path = folder.path().join(name);
         let channel = Channel { name: channel.into(), ..Channel::new("force", "N").unwrap() };
         let taxels = skin.patches.iter().map(|p| &p.taxels);
-        let mut writer = ReadingsWriter::create(&path, taxels, std::slice::from_ref(&channel), false)?;
+        let columns = ReadingsColumns { channels: std::slice::from_ref(&channel), has_times: false };
+        let mut writer = ReadingsWriter::create(&path, taxels, columns)?;
         let mut frame = Frame::new(&map, 1);
         for k in [1.0, 2.0] {
             frame.time = f64::NAN;
@@ -412,7 +413,8 @@ fn what_is_known_at_rest_is_read_back() {
     ] {
         let taxels = skin.patches.iter().map(|p| &p.taxels);
         let channel = Channel::new("pressure", "Pa").unwrap();
-        let mut writer = ReadingsWriter::create(&path, taxels, &[channel], true).unwrap();
+        let columns = ReadingsColumns { channels: &[channel], has_times: true };
+        let mut writer = ReadingsWriter::create(&path, taxels, columns).unwrap();
         writer.state_rest(rest).unwrap();
         writer.write(&frame).unwrap();
         writer.finish().unwrap();
@@ -457,8 +459,9 @@ fn readings_of_taxels_with_the_same_id_are_read_back_in_their_order() {
     for name in ["a.csv", "a.npz"] {
         let path = folder.path().join(name);
         let taxels = skin.patches.iter().map(|p| &p.taxels);
-        let mut writer =
-            ReadingsWriter::create(&path, taxels, &[Channel::new("force", "N").unwrap()], true).unwrap();
+        let channels = &[Channel::new("force", "N").unwrap()];
+        let columns = ReadingsColumns { channels, has_times: true };
+        let mut writer = ReadingsWriter::create(&path, taxels, columns).unwrap();
         writer.write(&frame).unwrap();
         writer.finish().unwrap();
         let found = drain(ReadingsReader::open(&path, ReadingsLayout::default()).unwrap()).unwrap();

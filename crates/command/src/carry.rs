@@ -4,21 +4,19 @@ use std::process::ExitCode;
 use std::sync::Arc;
 
 use dermatome::Error;
-use dermatome::io::{KnownRest, ReadingsWriter, file_kind};
+use dermatome::io::{KnownRest, ReadingsColumns, ReadingsWriter, file_kind};
 use dermatome::recording::FrameRange;
-use dermatome::signal::{Carry, Channel, Frame, Quantity};
+use dermatome::signal::{Carry, Channel, Frame};
 use dermatome::skin::Presence;
 use serde_json::json;
 
 use crate::console::errors::advise;
 use crate::console::notes::{note, note_count};
 use crate::console::print::print_json;
-use crate::console::progress;
 use crate::files::input::read_map_first;
-use crate::files::outputs::{self, is_stream};
-use crate::files::signals;
+use crate::files::outputs;
 use crate::options::{Common, InPath, OutFile};
-use crate::readings::{ReadingsArgs, remark_join};
+use crate::readings::{Played, ReadingsArgs, remark_join};
 use crate::render::read_canvas;
 
 /// Carry readings from the taxels of one skin to those of another on the same atlas.
@@ -74,8 +72,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     note_count(common, others as u64, "taxels", "of another modality than pressure, which are not carried");
     let output = common.outputs.file(&args.output);
     let patches = to.patches.iter().map(|patch| &patch.taxels);
-    let has_times = recording.report().has_times;
-    let mut writer = ReadingsWriter::create(output, patches, &channels, has_times).map_err(Error::from)?;
+    let columns = ReadingsColumns { channels: &channels, has_times: recording.report().has_times };
+    let mut writer = ReadingsWriter::create(output, patches, columns).map_err(Error::from)?;
     // A threshold is of the taxels of the skin that was touched.
     let is_zero = recording.is_tared();
     writer.state_rest(KnownRest { is_zero, threshold: None }).map_err(Error::from)?;
@@ -85,37 +83,25 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
             "a table does not say that its readings are about 0 at rest: read it with --zero 0, or write .npz"
         );
     }
-    let bar = progress::frames(common, recording.frames(), is_stream(&args.readings));
     let mut carried = Frame::new(&to, channels.len());
     let (mut lost, mut all) = (0.0, 0.0);
-    let mut written = 0;
-    let mut carry_all = || -> anyhow::Result<()> {
-        while let Some(step) = recording.next_step()? {
-            carried.time = step.frame.time;
-            carry.carry_frame(step.frame, &channels, &mut carried);
-            writer.write(&carried).map_err(Error::from)?;
-            // In terms of amounts: what is averaged counts by area.
-            let is_amount = channels[0].quantity == Quantity::Extensive;
-            let amount = |patch, taxel| {
-                let value: f64 = step.frame.values[patch][0][taxel];
-                let weight = if is_amount { 1.0 } else { map.patches[patch].taxels.areas[taxel] };
-                if value.is_finite() { weight * value.abs() } else { 0.0 }
-            };
-            lost += carry.outside().iter().map(|&(patch, taxel)| amount(patch, taxel)).sum::<f64>();
-            for (patch, of) in map.patches.enumerate() {
-                all += of.taxels.ids.ids().map(|taxel| amount(patch, taxel)).sum::<f64>();
-            }
-            bar.inc(1);
-            written += 1;
+    let played = Played::each(&mut recording, &args.readings, common, |recording, _| {
+        let Some(step) = recording.next_step()? else { return Ok(false) };
+        carried.time = step.frame.time;
+        carry.carry_frame(step.frame, &channels, &mut carried);
+        writer.write(&carried).map_err(Error::from)?;
+        // In terms of amounts: what is averaged counts by area.
+        let amount = |patch, taxel| {
+            let value: f64 = step.frame.values[patch][0][taxel];
+            let weight = channels[0].quantity.weight(map.patches[patch].taxels.areas[taxel]);
+            if value.is_finite() { weight * value.abs() } else { 0.0 }
+        };
+        lost += carry.outside().iter().map(|&(patch, taxel)| amount(patch, taxel)).sum::<f64>();
+        for (patch, of) in map.patches.enumerate() {
+            all += of.taxels.ids.ids().map(|taxel| amount(patch, taxel)).sum::<f64>();
         }
-        Ok(())
-    };
-    let ended = carry_all();
-    bar.finish_and_clear();
-    // Of a stream that ends badly, what came before is kept: it will not come again.
-    if ended.is_err() && (written == 0 || !is_stream(&args.readings)) {
-        return ended.map(|()| ExitCode::SUCCESS);
-    }
+        Ok(true)
+    })?;
     let report = recording.report();
     if report.frames == 0 {
         return Err(advise(
@@ -125,11 +111,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     }
     writer.finish().map_err(Error::from)?;
     outputs::publish(common)?;
-    if ended.is_err() {
-        let how = if signals::stopped().is_some() { "was stopped" } else { "ended badly" };
-        note_count(common, written, "frames", &format!("carried; the stream {how}"));
-    }
-    ended?;
+    played.end("carried", common)?;
     args.readings_args.remark(&recording, common);
     let share = if all > 0.0 { lost / all } else { 0.0 };
     if outside > 0 {

@@ -14,9 +14,10 @@ use dermatome::signal::{
 };
 
 use crate::console::errors::advise;
-use crate::console::notes::{note, note_columns, rows_of};
+use crate::console::notes::{note, note_columns, note_count, rows_of};
+use crate::console::progress;
 use crate::files::outputs::is_stream;
-use crate::files::signals::live_input;
+use crate::files::signals::{live_input, stopped};
 use crate::options::{Choice, Common, InPath, LayoutArg, PROBES, layout_arg, number, numbers, one_of};
 
 /// How readings are read and made comparable.
@@ -382,6 +383,56 @@ impl ReadingsArgs {
             note!(common, "the frames are {seconds:.3} s apart; a column of times in ms is called time[ms]");
         }
         report.remarks(self.zero.unwrap_or_default()).iter().for_each(|remark| note!(common, "{remark}"));
+    }
+}
+
+/// Frames that were read, and how they ended.
+pub(crate) struct Played {
+    frames: u64,
+    pub(crate) ended: anyhow::Result<()>,
+}
+
+impl Played {
+    /// Frames of a path that were read until the end or an error. Of a stream that ends badly, the frames before it are
+    /// kept, since they will not come again.
+    ///
+    /// # Errors
+    /// The error, if nothing is kept.
+    pub(crate) fn new(path: &Path, frames: u64, ended: anyhow::Result<()>) -> anyhow::Result<Self> {
+        if frames == 0 || !is_stream(path) {
+            ended?;
+            return Ok(Self { frames, ended: Ok(()) });
+        }
+        Ok(Self { frames, ended })
+    }
+
+    /// Calls `next` with the number of frames before until it returns that there is none.
+    pub(crate) fn each(
+        recording: &mut Recording,
+        path: &Path,
+        common: &Common,
+        mut next: impl FnMut(&mut Recording, u64) -> anyhow::Result<bool>,
+    ) -> anyhow::Result<Self> {
+        let bar = progress::frames(common, recording.frames(), is_stream(path));
+        let mut frames = 0;
+        let ended = loop {
+            match next(recording, frames) {
+                Ok(true) => frames += 1,
+                ended => break ended.map(|_| ()),
+            }
+            bar.inc(1);
+        };
+        bar.finish_and_clear();
+        Self::new(path, frames, ended)
+    }
+
+    /// Notes what became of the frames of a stream that ended badly, and returns its error.
+    pub(crate) fn end(self, done: &str, common: &Common) -> anyhow::Result<()> {
+        if self.ended.is_err() {
+            let how = if stopped().is_some() { "was stopped" } else { "ended badly" };
+            note_count(common, self.frames, "frames", &format!("{done}; the stream {how}"));
+        }
+        self.ended
     }
 }
 

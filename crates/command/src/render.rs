@@ -19,16 +19,14 @@ use dermatome::signal::Channel;
 use serde_json::{Map, Value, json};
 
 use crate::console::errors::advise;
-use crate::console::notes::{note, note_count};
+use crate::console::notes::note;
 use crate::console::print::print_json;
-use crate::console::progress;
 use crate::files::input::read_map_first;
 use crate::files::outputs::{self, is_read_once, is_stream};
-use crate::files::signals;
 use crate::options::{
     Choice, Common, InPath, LevelArg, OutFolder, RegionsArgs, field_level, level, one_of, side_mm,
 };
-use crate::readings::{FramesArgs, ReadingsArgs, remark_join};
+use crate::readings::{FramesArgs, Played, ReadingsArgs, remark_join};
 use crate::render::contacts::ContactsArgs;
 use crate::render::events::EventsArgs;
 use crate::render::output::{Array, ColourArgs, Content, ImagesKind, Output, Pictures};
@@ -168,41 +166,24 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let mut contacts = args.contacts.open(&map, &mut recording, &args.events, common)?;
     let mut events = args.events.open(&map, common)?;
     let has_episodes = recording.episodes() > 1;
-    let bar = progress::frames(common, recording.frames(), is_stream(&args.readings));
     let space = Space::new(args, kind, &map, &shown, channels.len());
     space.check(recording.frames().unwrap_or(0))?;
     space.announce(recording.frames().unwrap_or(0), args, common);
-    let mut written = 0;
-    let mut write_all = || -> anyhow::Result<()> {
-        while let Some(step) = recording.next_step()? {
-            space.check(written + 1)?;
-            if has_episodes {
-                output.begin_episode(step.episode)?;
-                contacts.iter_mut().for_each(|contacts| contacts.begin_episode(step.episode));
-                events.iter_mut().try_for_each(|events| events.begin_episode(step.episode))?;
-            }
-            output.write(&step, &channels)?;
-            if let Some(contacts) = &mut contacts {
-                contacts.write(&step)?;
-            }
-            if let Some(events) = &mut events {
-                events.write(&step)?;
-            }
-            bar.inc(1);
-            written += 1;
+    let played = Played::each(&mut recording, &args.readings, common, |recording, written| {
+        let Some(step) = recording.next_step()? else { return Ok(false) };
+        space.check(written + 1)?;
+        if has_episodes {
+            output.begin_episode(step.episode)?;
+            contacts.iter_mut().for_each(|contacts| contacts.begin_episode(step.episode));
+            events.iter_mut().try_for_each(|events| events.begin_episode(step.episode))?;
         }
-        Ok(())
-    };
-    let ended = write_all();
-    bar.finish_and_clear();
-    // Of a stream that ends badly, what came before is kept: it will not come again.
-    if ended.is_err() && (written == 0 || !is_stream(&args.readings)) {
-        return ended.map(|()| ExitCode::SUCCESS);
-    }
+        output.write(&step, &channels)?;
+        contacts.iter_mut().try_for_each(|contacts| contacts.write(&step))?;
+        events.iter_mut().try_for_each(|events| events.write(&step))?;
+        Ok(true)
+    })?;
     let (report, threshold) = (recording.report(), recording.threshold());
-    if ended.is_ok() {
-        args.frames.check_any(&report)?;
-    }
+    args.frames.check_any(&report)?;
     output.finish(common)?;
     let found = contacts.map(|contacts| contacts.finish()).transpose().map_err(Error::from)?;
     let event_count = events.map(|events| events.finish(common)).transpose()?;
@@ -210,10 +191,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         outputs::wrote(&[(&args.output).into()], common);
     }
     outputs::publish(common)?;
-    if ended.is_err() && signals::stopped().is_some() {
-        note_count(common, written, "frames", "written; the stream was stopped");
-    }
-    ended?;
+    played.end("written", common)?;
     args.readings_args.remark(&recording, common);
     let found = found.map(|count| (count, threshold));
     if let Some((count, Some(threshold))) = found {

@@ -12,13 +12,13 @@ use dermatome::io::{IoError, read_map};
 use dermatome::map::SkinMap;
 use dermatome::page::{LiveServer, Page};
 
-use crate::console::notes::{note, note_count};
+use crate::console::notes::note;
 use crate::console::print::{plain, print};
 use crate::console::progress;
 use crate::files::input::read_map_first;
 use crate::files::outputs::{self, is_stream, write_bytes};
 use crate::options::{Common, InPath, OutFile, RegionsArgs};
-use crate::readings::{FramesArgs, ReadingsArgs, TouchArgs, remark_join};
+use crate::readings::{FramesArgs, Played, ReadingsArgs, TouchArgs, remark_join};
 
 /// Write a page that shows the skin, its map and a recording in a browser, without a network.
 ///
@@ -137,17 +137,13 @@ fn record(
     remark_join(&recording, path, common);
     let bar = progress::frames(common, recording.frames(), is_stream(path));
     let options = args.touch.options(&recording, shown);
-    let played = page.play(&mut recording, &options, || bar.inc(1));
+    let ended = page.play(&mut recording, &options, || bar.inc(1)).map_err(anyhow::Error::from);
     bar.finish_and_clear();
-    let report = recording.report();
-    if let Err(error) = played {
-        if page.frames() == 0 || !is_stream(path) {
-            return Err(error.into());
-        }
-        note_count(common, page.frames() as u64, "frames", "kept of the stream, which ended badly");
-        return Ok(Err(error.into()));
+    let ended = Played::new(path, page.frames() as u64, ended)?.end("kept", common);
+    if ended.is_err() {
+        return Ok(ended);
     }
-    args.frames.check_any(&report)?;
+    args.frames.check_any(&recording.report())?;
     args.readings_args.remark(&recording, common);
     args.touch.remark(&recording, shown, common);
     let channels = recording.channels();

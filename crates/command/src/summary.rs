@@ -16,12 +16,10 @@ use serde_json::{Map, Value, json};
 use crate::console::errors::advise;
 use crate::console::notes::{note, note_count};
 use crate::console::print::{plain, print_json};
-use crate::console::progress;
 use crate::files::input::read_map_first;
-use crate::files::outputs::{self, is_stream};
-use crate::files::signals;
+use crate::files::outputs;
 use crate::options::{Common, InPath, LevelArg, OutFile, RegionsArgs, field_level, level};
-use crate::readings::{FramesArgs, ReadingsArgs, TouchArgs, remark_join};
+use crate::readings::{FramesArgs, Played, ReadingsArgs, TouchArgs, remark_join};
 
 /// Add up a recording by region, patch, link, contact and for the whole skin, or step by step.
 ///
@@ -113,34 +111,21 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let over_time = args.over_time.as_ref().map(|path| LoadWriter::create(common.outputs.file(path)));
     let mut over_time = over_time.transpose().map_err(Error::from)?;
     let has_episodes = recording.episodes() > 1;
-    let bar = progress::frames(common, recording.frames(), is_stream(&args.readings));
-    let mut added = 0;
-    let mut add_all = || -> anyhow::Result<()> {
-        while let Some(step) = recording.next_step()? {
-            let (number, episode, time) = (step.number as u64, step.episode, step.frame.time);
-            if let (Some(writer), Some(summary)) = (&mut over_time, recording.summary()) {
-                if has_episodes {
-                    writer.begin_episode(episode);
-                }
-                writer.write(number, time, &map, summary).map_err(Error::from)?;
+    let played = Played::each(&mut recording, &args.readings, common, |recording, _| {
+        let Some(step) = recording.next_step()? else { return Ok(false) };
+        let (number, episode, time) = (step.number as u64, step.episode, step.frame.time);
+        if let (Some(writer), Some(summary)) = (&mut over_time, recording.summary()) {
+            if has_episodes {
+                writer.begin_episode(episode);
             }
-            bar.inc(1);
-            added += 1;
+            writer.write(number, time, &map, summary).map_err(Error::from)?;
         }
-        Ok(())
-    };
-    let ended = add_all();
-    bar.finish_and_clear();
-    // Of a stream that ends badly, what came before is kept: it will not come again.
-    if ended.is_err() && (added == 0 || !is_stream(&args.readings)) {
-        return ended.map(|()| ExitCode::SUCCESS);
-    }
+        Ok(true)
+    })?;
     let report = recording.report();
-    if ended.is_ok() {
-        args.frames.check_any(&report)?;
-    }
+    args.frames.check_any(&report)?;
     let Some((summary, threshold)) = recording.summary().zip(recording.threshold()) else {
-        ended?;
+        played.ended?;
         return Err(advise("the noise cannot be estimated from one frame", "give --threshold"));
     };
     let is_name = |s: &Statement| s.source == StatementSource::File && SENSORS.contains(&&*s.what);
@@ -154,11 +139,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     .map_err(Error::from)?;
     over_time.map_or(Ok(()), LoadWriter::finish).map_err(Error::from)?;
     outputs::publish(common)?;
-    if ended.is_err() {
-        let how = if signals::stopped().is_some() { "was stopped" } else { "ended badly" };
-        note_count(common, added, "frames", &format!("added up; the stream {how}"));
-    }
-    ended?;
+    played.end("added up", common)?;
     args.readings_args.remark(&recording, common);
     if summary.channel.newtons().is_none() {
         let unit = &summary.channel.unit;

@@ -3,7 +3,7 @@
 use std::{collections::HashSet, process::ExitCode};
 
 use dermatome::Error;
-use dermatome::io::{ReadingsWriter, write_response, write_steps, write_touches};
+use dermatome::io::{ReadingsColumns, ReadingsWriter, write_response, write_steps, write_touches};
 use dermatome::signal::{
     FaultCounts, Quantity, ReadoutOptions, TaxelState, Touch, TouchOptions, TouchShape, TouchSimulation,
 };
@@ -154,8 +154,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let mut touches = Vec::new();
     let taxels = skin.patches.iter().map(|patch| &patch.taxels);
     let output = common.outputs.file(&args.output);
-    let mut writer = ReadingsWriter::create(output, taxels, std::slice::from_ref(simulation.channel()), true)
-        .map_err(Error::from)?;
+    let columns = ReadingsColumns { channels: std::slice::from_ref(simulation.channel()), has_times: true };
+    let mut writer = ReadingsWriter::create(output, taxels, columns).map_err(Error::from)?;
     let mut steps: Vec<[f64; 2]> = Vec::new();
     while let Some((frame, now)) = simulation.next_frame() {
         writer.write(frame).map_err(Error::from)?;

@@ -28,6 +28,17 @@ pub fn orientation([a, b, c]: [DVec2; 3]) -> f64 {
     if area == 0.0 { 0.0 } else { area.signum() }
 }
 
+/// Whether two segments of the plane have a common point, exactly; false if an end is not finite.
+pub fn segments_meet(s: [DVec2; 2], t: [DVec2; 2]) -> bool {
+    let straddles = |[from, to]: [DVec2; 2], t: [DVec2; 2]| {
+        let [a, b] = t.map(|p| orientation([from, to, p]));
+        a * b <= 0.0
+    };
+    // Segments of one line straddle each other wherever they are.
+    let [(s_low, s_high), (t_low, t_high)] = [s, t].map(|[a, b]| (a.min(b), a.max(b)));
+    (s_low.cmple(t_high) & t_low.cmple(s_high)).all() && straddles(s, t) && straddles(t, s)
+}
+
 /// Why points have no Delaunay triangulation.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -65,6 +76,16 @@ mod tests {
             }
         }
         assert!(wrong > 0, "rounding matters here");
+    }
+
+    #[test]
+    fn segments_of_one_line_meet_where_they_overlap() {
+        let on_line = |a: f64, b: f64| [a, b].map(|x| DVec2::new(x, 2.0 * x));
+        assert!(segments_meet(on_line(0.0, 2.0), on_line(3.0, 1.0)));
+        assert!(segments_meet(on_line(0.0, 1.0), on_line(1.0, 2.0)), "a common end");
+        assert!(!segments_meet(on_line(0.0, 1.0), on_line(2.0, 3.0)));
+        assert!(segments_meet([DVec2::ZERO, DVec2::ONE], [DVec2::X, DVec2::Y]));
+        assert!(!segments_meet([DVec2::ZERO, DVec2::ONE], [DVec2::X, DVec2::new(2.0, 0.0)]));
     }
 
     #[test]

@@ -16,7 +16,7 @@ use dermatome::{
     signal::Channel,
     skin::TaxelId,
     touches::{
-        Drawing, JointColumns, LogOfRows, RowSources, TouchReadings, TouchesOptions,
+        Drawing, JointColumns, LogOfRows, RowSources, TouchContacts, TouchReadings, TouchesOptions,
         contacts_of_touches_with, links_of_rows, log_of_rows,
     },
 };
@@ -201,6 +201,30 @@ fn drawing_of(skin: &Skin, file: Option<&Path>, link: &str) -> Result<Drawing, E
     Ok(drawing)
 }
 
+/// Refuses values of joints without a robot, and those of joints that have none.
+fn check_joints(robot: Option<&Robot>, joints: Option<&JointsArg>) -> PyResult<()> {
+    match (robot, joints) {
+        (None, Some(_)) => return Err(bad("joints", "no robot as pose", "a .urdf or .xml")),
+        (Some(robot), Some(JointsArg::Named(values))) => {
+            let known: Vec<&str> =
+                robot.joints.iter().filter(|joint| is_free(joint)).map(|joint| &*joint.name).collect();
+            for (name, value) in values {
+                if !known.contains(&name.as_str()) {
+                    let is_joint = robot.joints.iter().any(|joint| joint.name == *name);
+                    let found =
+                        format!("{name:?}{}", if is_joint { ", which has no value of its own" } else { "" });
+                    return Err(bad("joints", found, format!("some of {known:?}")));
+                }
+                if !value.is_finite() {
+                    return Err(bad(&format!("joints[{name:?}]"), value, "a finite number, in rad or m"));
+                }
+            }
+        }
+        _ => {}
+    }
+    Ok(())
+}
+
 /// Turn a log into observations and a dict of how they were found.
 #[pyfunction]
 pub(crate) fn contacts_of_log<'py>(
@@ -231,25 +255,7 @@ pub(crate) fn contacts_of_log<'py>(
     } = arguments;
     let of_robot = pose.clone().filter(|path| is_robot(path));
     let robot = of_robot.map(|path| run(py, 0, move |_| read_robot(&path))?.map_err(error)).transpose()?;
-    match (&robot, &joints) {
-        (None, Some(_)) => return Err(bad("joints", "no robot as pose", "a .urdf or .xml")),
-        (Some(robot), Some(JointsArg::Named(values))) => {
-            let known: Vec<&str> =
-                robot.joints.iter().filter(|joint| is_free(joint)).map(|joint| &*joint.name).collect();
-            for (name, value) in values {
-                if !known.contains(&name.as_str()) {
-                    let is_joint = robot.joints.iter().any(|joint| joint.name == *name);
-                    let found =
-                        format!("{name:?}{}", if is_joint { ", which has no value of its own" } else { "" });
-                    return Err(bad("joints", found, format!("some of {known:?}")));
-                }
-                if !value.is_finite() {
-                    return Err(bad(&format!("joints[{name:?}]"), value, "a finite number, in rad or m"));
-                }
-            }
-        }
-        _ => {}
-    }
+    check_joints(robot.as_ref(), joints.as_ref())?;
     let mut sources = Sources { readings, pose, robot, joints, fit_joints, link, radius };
     let work = move |stop: &Stop| {
         let rows = match log {
@@ -281,6 +287,17 @@ pub(crate) fn contacts_of_log<'py>(
         Ok::<_, Error>((found, made, remarks))
     };
     let (found, made, remarks) = run(py, count("threads", threads)?, work)?.map_err(error)?;
+    let summary = summary_of(py, &found, &made, delay)?;
+    Ok((PyObservations::new(found.observations(), remarks), summary))
+}
+
+/// The dict of how contacts were found; `delay` is the given one.
+fn summary_of<'py>(
+    py: Python<'py>,
+    found: &TouchContacts,
+    made: &LogOfRows,
+    delay: Option<f64>,
+) -> PyResult<Bound<'py, PyDict>> {
     let (summary, said) = (PyDict::new(py), &found.summary);
     for (name, number) in [
         ("frames", said.frames),
@@ -312,5 +329,5 @@ pub(crate) fn contacts_of_log<'py>(
     summary.set_item("reading_noise", said.reading_noise)?;
     summary.set_item("spacing", said.spacing)?;
     summary.set_item("joints", found.joints.iter().map(|joint| joint.name.clone()).collect::<Vec<_>>())?;
-    Ok((PyObservations::new(found.observations(), remarks), summary))
+    Ok(summary)
 }

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use dermatome::contact::{ContactIndex, Query};
-use dermatome::io::{IoError, KnownRest, OutPath, ReadingsWriter};
+use dermatome::io::{IoError, KnownRest, OutPath, ReadingsColumns, ReadingsWriter};
 use dermatome::map::SkinMap;
 use dermatome::signal::{Channel, ChannelKind, Frame, Press, Quantity, Spreader};
 
@@ -52,7 +52,8 @@ impl Readings {
             quantity: Quantity::Extensive,
             kind: ChannelKind::Touch,
         };
-        let mut writer = ReadingsWriter::create(path, taxels, std::slice::from_ref(&channel), true)?;
+        let columns = ReadingsColumns { channels: std::slice::from_ref(&channel), has_times: true };
+        let mut writer = ReadingsWriter::create(path, taxels, columns)?;
         // A taxel without a contact has the force 0.
         writer.state_rest(KnownRest { is_zero: true, threshold: None })?;
         Ok(Self { writer, spreader, frame: None, counts: Counts::default() })

@@ -2,6 +2,7 @@
 
 use glam::DVec2;
 
+use crate::delaunay::segments_meet;
 use crate::design::DesignError;
 
 /// A module as it lies flat, in m: all modules of a skin are congruent with it.
@@ -116,7 +117,7 @@ impl Module {
             // Edges that share a corner meet there.
             if let Some(j) = (k + 2..count)
                 .filter(|j| (j + 1) % count != k)
-                .find(|&j| crosses([corners[k], corners[k] + edge(k)], [corners[j], corners[j] + edge(j)]))
+                .find(|&j| segments_meet(self.edge(k), self.edge(j)))
             {
                 let found = format!("an outline whose edges {} and {} cross", k + 1, j + 1);
                 return fail(found, "one that does not cross itself");
@@ -224,12 +225,6 @@ impl Module {
     }
 }
 
-/// Whether two segments cross or touch.
-fn crosses([a, b]: [DVec2; 2], [c, d]: [DVec2; 2]) -> bool {
-    let side = |p: DVec2, q: DVec2, r: DVec2| (q - p).perp_dot(r - p);
-    side(a, b, c) * side(a, b, d) <= 0.0 && side(c, d, a) * side(c, d, b) <= 0.0
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -241,6 +236,15 @@ mod tests {
         }
         assert_eq!(Module::triangle(0.032).block(), 16);
         assert_eq!(Module::rectangle(0.03, 0.02).taxels.len(), 15);
+    }
+
+    /// Corners that a drawing program adds along a straight side.
+    #[test]
+    fn a_side_may_have_corners_in_line() {
+        let mut module = Module::rectangle(0.03, 0.02);
+        let [a, b] = module.edge(0);
+        module.outline.splice(1..1, [a.lerp(b, 0.25), a.lerp(b, 0.5)]);
+        module.validate().unwrap();
     }
 
     #[test]

@@ -5,7 +5,7 @@ use std::collections::HashSet;
 use glam::{DMat3, DQuat, DVec3};
 
 use crate::calib::{Correlation, Pose, nearest_rotation};
-use crate::numeric::{MEDIAN_OF_MAXWELL, Random, median_of};
+use crate::numeric::{MEDIAN_OF_MAXWELL, Random, bits, median_of};
 
 /// Triples of pairs from which motions are tried: with half of the pairs wrong, one in eight triples is right.
 const TRIPLES: usize = 100;
@@ -20,7 +20,7 @@ const LIMIT: f64 = 4.685;
 /// count once: files give several slots the centre of their module.
 pub(super) fn common_motion(pairs: &[(DVec3, DVec3)], least: f64) -> (Pose, f64) {
     let mut seen = HashSet::new();
-    let is_first = |(from, _): &&(DVec3, DVec3)| seen.insert(from.to_array().map(f64::to_bits));
+    let is_first = |(from, _): &&(DVec3, DVec3)| seen.insert(bits(from.to_array()));
     let pairs = &pairs.iter().filter(is_first).copied().collect::<Vec<_>>()[..];
     let mut best = motion(pairs, None);
     // Without outliers nothing is better: of few pairs a triple may fit half of them by chance, far from the truth.

@@ -6,7 +6,7 @@
 use std::{collections::BTreeSet, ops::ControlFlow};
 
 use crate::bvh::{Aabb, BoxTree};
-use crate::delaunay::orientation;
+use crate::delaunay::segments_meet;
 use crate::flatten::energy::elements::Uv;
 use crate::id::VertexId;
 
@@ -52,23 +52,13 @@ fn each_crossing(
     let mut count = 0;
     let _ = tree.each_pair(|i, j| {
         let [s, t] = [i, j].map(|k| *edges[k]);
-        if !s.iter().any(|v| t.contains(v)) && meet(s, t, uv) {
+        if !s.iter().any(|v| t.contains(v)) && segments_meet(s.map(|v| uv[v]), t.map(|v| uv[v])) {
             count += 1;
             found([s, t]);
         }
         if count < most { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
     });
     count
-}
-
-/// Whether two edges without a common vertex, whose boxes touch, have a common point.
-fn meet(s: [VertexId; 2], t: [VertexId; 2], uv: &Uv) -> bool {
-    let straddles = |s: [VertexId; 2], t: [VertexId; 2]| {
-        let [from, to] = s.map(|v| uv[v]);
-        let [a, b] = t.map(|v| orientation([from, to, uv[v]]));
-        a * b <= 0.0
-    };
-    straddles(s, t) && straddles(t, s)
 }
 
 #[cfg(test)]
@@ -114,11 +104,9 @@ mod tests {
         let uv =
             mesh.positions.map(|p| DVec2::from_angle(p.x * 23.0) * (0.3 + 0.02 * (p.x * 60.0).sin() + p.y));
         let edges = boundary_edges(&mesh);
-        let near = |s: [VertexId; 2], t: [VertexId; 2]| {
-            let [s_box, t_box] = [s, t].map(|ends| Aabb::flat(ends.map(|v| uv[v])));
-            s.iter().all(|v| !t.contains(v)) && s_box.touches(&t_box)
+        let cross = |s: [VertexId; 2], t: [VertexId; 2]| {
+            s.iter().all(|v| !t.contains(v)) && segments_meet(s.map(|v| uv[v]), t.map(|v| uv[v]))
         };
-        let cross = |s: [VertexId; 2], t: [VertexId; 2]| near(s, t) && meet(s, t, &uv);
         let all: usize =
             (1..edges.len()).map(|i| edges[..i].iter().filter(|s| cross(**s, edges[i])).count()).sum();
         assert!(all > 0, "the strip overlaps itself");

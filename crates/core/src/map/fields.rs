@@ -3,7 +3,7 @@
 
 use std::borrow::Cow;
 
-use crate::body::{BodyLevel, FieldLevel, Modality};
+use crate::body::{BodyLevel, FieldLevel, Modality, field_areas};
 use crate::id::{IdVec, VertexId};
 use crate::map::SkinMap;
 use crate::pyramid::{LevelId, Prolongation};
@@ -81,16 +81,13 @@ impl SkinMap {
 
     /// The areas of the fields of such a level, in m^2; none if the map has no such level.
     pub fn field_areas(&self, at: FieldLevel) -> IdVec<VertexId, f64> {
-        let Some(fields) = self.fields_of(at) else { return IdVec::default() };
+        if self.fields_of(at).is_none() {
+            return IdVec::default();
+        }
         if let Some(modality) = at.modality.and_then(|number| self.body.modalities.get(number)) {
             let mut areas = self.body.field_areas(modality, |patch| &self.patches[patch].taxels.areas);
             return std::mem::take(&mut areas[at.level]);
         }
-        let mut sums = IdVec::filled(0.0, fields.origins.len());
-        for (rows, patch) in self.field_rows(at).iter().zip(&self.patches) {
-            let areas = rows.as_ref().map(|rows| rows.restrict(&patch.taxels.areas));
-            sums.iter_mut().zip(areas.iter().flatten()).for_each(|(sum, area)| *sum += area);
-        }
-        sums
+        field_areas(&self.body_rows().0[at.level], self.patches.iter().map(|patch| &patch.taxels.areas))
     }
 }

@@ -47,6 +47,13 @@ pub(crate) fn storable(x: f64) -> f64 {
     if x.abs() <= f64::from(f32::MAX) { x } else { f64::NAN }
 }
 
+/// Numbers as a key: equal where they are, as 0 and -0.
+#[doc(hidden)]
+pub fn bits<const N: usize>(numbers: [f64; N]) -> [u64; N] {
+    // Adding 0 makes -0 the same.
+    numbers.map(|x| (x + 0.0).to_bits())
+}
+
 /// The place value of the second digit of a positive `x`: 10 for 347, 1 for 34.
 #[doc(hidden)]
 pub fn second_digit(x: f64) -> f64 {

@@ -4,6 +4,8 @@ use glam::DVec3;
 use rand_pcg::Pcg64;
 use rand_pcg::rand_core::{Rng, SeedableRng};
 
+use crate::numeric::bits;
+
 /// Uses neither the generator nor the logarithm of the system.
 #[derive(Debug, Clone)]
 pub(crate) struct Random {
@@ -73,8 +75,7 @@ pub const fn hash(x: u64) -> u64 {
 
 /// A hash of a position.
 pub(crate) fn place_hash(p: DVec3) -> u64 {
-    // Adding 0 makes -0 the same.
-    p.to_array().into_iter().fold(0, |of, x| hash(of ^ (x + 0.0).to_bits()))
+    bits(p.to_array()).into_iter().fold(0, |of, x| hash(of ^ x))
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@
 
 use glam::{DMat3, DVec2, DVec3};
 
+use crate::calib::outer;
 use crate::id::{IdVec, VertexId};
 use crate::mesh::TriMesh;
 use crate::registration::RegistrationError;
@@ -93,10 +94,7 @@ impl<'a> Contradiction<'a> {
         let linear: Vec<DVec3> = pairs.iter().map(|pair| ((pair[0] - middle) / size).extend(1.0)).collect();
         let row = |row: &[f64]| row.iter().zip(&linear).map(|(&x, &of)| x * of).sum();
         let pulls: Vec<DVec3> = energy.chunks_exact(count).map(row).collect();
-        let mut form = DMat3::ZERO;
-        for (pull, of) in pulls.iter().zip(&linear) {
-            form += DMat3::from_cols(*pull * of.x, *pull * of.y, *pull * of.z);
-        }
+        let form = pulls.iter().zip(&linear).fold(DMat3::ZERO, |sum, (pull, of)| sum + outer(*pull, *of));
         // A constant displacement costs nothing: the form is singular but for this.
         let trace: f64 = (0..count).map(|k| energy[k * count + k]).sum();
         let inverse = (form + DMat3::from_diagonal(DVec3::splat(1e-12 * trace))).inverse();

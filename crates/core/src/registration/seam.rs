@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 
 use glam::{DMat3, DQuat, DVec3};
 
-use crate::calib::nearest_rotation;
+use crate::calib::{Correlation, nearest_rotation, outer};
 use crate::id::{IdVec, VertexId};
 use crate::map::{PatchMap, SkinMap};
 use crate::mesh::{TriMesh, boundary_edges, cotangent, edges, neighbours, surface_normals};
@@ -186,9 +186,6 @@ fn paths_of(seam: &[[VertexId; 2]]) -> Vec<Vec<VertexId>> {
     paths
 }
 
-/// How much longer than the spacing of the skin the way to its path is before an edge counts twice.
-const BESIDE: f64 = 1.0;
-
 /// The paths of a seam along edges of a skin: each joins the vertices that its ends come to, near those of its other vertices,
 /// no two meet but at their ends, and none passes through a vertex that is taken, as those of landmarks. So the seam has the
 /// same ends and branches. Empty where a path has no room.
@@ -222,9 +219,10 @@ fn carried_paths(
         let [Some(from), Some(to)] = ends else { return Vec::new() };
         let course = path[1..path.len() - 1].iter().filter_map(|&v| place(v)).chain([from, to]);
         let beside = nearest_sources(&graph, course.map(VertexId::raw), 1);
-        let far = |v: u32| beside[v as usize].first().map_or(f64::INFINITY, |(_, far)| far / (BESIDE * mean));
+        let far = |v: u32| beside[v as usize].first().map_or(f64::INFINITY, |(_, far)| far / mean);
         let is_open = |v: u32| !is_taken[VertexId::from(v)] || v == from.raw() || v == to.raw();
         let mut open = Csr::with_capacity(graph.len(), graph.items().len());
+        // An edge counts twice where the way to the path is as long as the spacing of the skin.
         for (v, others) in (0_u32..).zip(graph.iter()) {
             let others = others.iter().filter(|(w, _)| is_open(v) && is_open(*w));
             open.push(others.map(|&(w, length)| (w, length * (1.0 + (0.5 * (far(v) + far(w))).powi(2)))));
@@ -258,42 +256,42 @@ fn lengths_of_edges(mesh: &TriMesh) -> Csr<(u32, f64)> {
     graph
 }
 
+/// The similarity of least squares of pairs of places.
+fn similarity(pairs: &[(DVec3, DVec3)]) -> impl Fn(DVec3) -> DVec3 {
+    let Correlation { from, to, matrix } = Correlation::new(pairs, None);
+    let turn = nearest_rotation(&matrix);
+    let squares: f64 = pairs.iter().map(|(p, _)| p.distance_squared(from)).sum();
+    let scale = pairs.iter().map(|(p, q)| (turn * (*p - from)).dot(*q - to)).sum::<f64>() / squares;
+    move |p| to + scale * (turn * (p - from))
+}
+
 /// A mesh of the atlas, bent onto the faces of a skin; `landmarks` are places of both.
 fn bent_in_space(
     mesh: &TriMesh,
     faces: &NearestFaces,
     landmarks: &[(DVec3, DVec3)],
 ) -> Result<TriMesh, SparseError> {
-    let count = landmarks.len() as f64;
-    let from = landmarks.iter().map(|(p, _)| *p).sum::<DVec3>() / count;
-    let to = landmarks.iter().map(|(_, q)| *q).sum::<DVec3>() / count;
-    let mut product = DMat3::ZERO;
-    for (p, q) in landmarks {
-        let (p, q) = (*p - from, *q - to);
-        product += DMat3::from_cols(q * p.x, q * p.y, q * p.z);
-    }
-    let turn = nearest_rotation(&product);
-    let squares: f64 = landmarks.iter().map(|(p, _)| p.distance_squared(from)).sum();
-    let scale = landmarks.iter().map(|(p, q)| (turn * (*p - from)).dot(*q - to)).sum::<f64>() / squares;
-    let placed = |p: DVec3| to + scale * (turn * (p - from));
+    let placed = similarity(landmarks);
     let rest = mesh.positions.map(|&p| placed(p));
-    // The nearest vertex is held where its landmark belongs.
-    let held: Vec<(VertexId, DVec3)> = landmarks
-        .iter()
-        .filter_map(|&(p, q)| {
-            let far = |v: &VertexId| mesh.positions[*v].distance_squared(p);
-            let v = mesh.positions.ids().min_by(|a, b| far(a).total_cmp(&far(b)))?;
-            Some((v, q + rest[v] - placed(p)))
-        })
-        .collect();
     let stiffness = stiffness(mesh, &rest);
     let mean = stiffness.iter().map(|(_, weight)| weight).sum::<f64>() / stiffness.len().max(1) as f64;
+    // The nearest vertex is held where its landmark belongs.
+    let hold = |&(p, q): &(DVec3, DVec3)| {
+        let far = |v: &VertexId| mesh.positions[*v].distance_squared(p);
+        let v = mesh.positions.ids().min_by(|a, b| far(a).total_cmp(&far(b)))?;
+        Some((v, HOLD * mean, q + rest[v] - placed(p)))
+    };
+    let held: Vec<Pull> = landmarks.iter().filter_map(hold).collect();
     let pattern = Pattern::new(rest.len(), stiffness.iter().map(|([a, b], _)| (a.index(), b.index())));
-    let cholesky = Cholesky::new(&pattern, rest.as_slice())?;
+    let springs = Springs {
+        cholesky: Cholesky::new(&pattern, rest.as_slice())?,
+        pattern: &pattern,
+        rest: &rest,
+        stiffness,
+    };
     let mut bent = TriMesh { positions: rest.clone(), triangles: mesh.triangles.clone() };
     for round in 0..ROUNDS {
-        let mut pulls: Vec<(VertexId, f64, DVec3)> =
-            held.iter().map(|&(v, at)| (v, HOLD * mean, at)).collect();
+        let mut pulls = held.clone();
         if round >= HELD_ALONE {
             let draw = mean * DRAW * (f64::from(round - HELD_ALONE) / 3.0).exp2();
             let normals = surface_normals(&bent);
@@ -305,8 +303,28 @@ fn bent_in_space(
                 }));
             }
         }
-        let mut matrix = Matrix::<f64>::zero(&pattern);
-        for &([a, b], weight) in &stiffness {
+        springs.relax(&mut bent.positions, &pulls)?;
+    }
+    Ok(bent)
+}
+
+/// A vertex that is drawn to a place with a stiffness.
+type Pull = (VertexId, f64, DVec3);
+
+/// The edges of a mesh, whose shape at rest is kept up to a rotation at each vertex.
+struct Springs<'a> {
+    rest: &'a IdVec<VertexId, DVec3>,
+    stiffness: Vec<([VertexId; 2], f64)>,
+    pattern: &'a Pattern,
+    cholesky: Cholesky,
+}
+
+impl Springs<'_> {
+    /// Moves vertices towards their balance with the pulls.
+    fn relax(&self, positions: &mut IdVec<VertexId, DVec3>, pulls: &[Pull]) -> Result<(), SparseError> {
+        let Self { rest, stiffness, pattern, cholesky } = self;
+        let mut matrix = Matrix::<f64>::zero(pattern);
+        for &([a, b], weight) in stiffness {
             let [a, b] = [a.index(), b.index()];
             *matrix.at(a, a) += weight;
             *matrix.at(b, b) += weight;
@@ -317,15 +335,14 @@ fn bent_in_space(
         let factor = cholesky.factor(&matrix)?;
         for _ in 0..TURNS {
             let mut spreads = rest.map(|_| DMat3::ZERO);
-            for &([a, b], weight) in &stiffness {
-                let (p, q) = (rest[a] - rest[b], bent.positions[a] - bent.positions[b]);
-                let spread = DMat3::from_cols(q * p.x, q * p.y, q * p.z) * weight;
+            for &([a, b], weight) in stiffness {
+                let spread = outer(positions[a] - positions[b], rest[a] - rest[b]) * weight;
                 spreads[a] += spread;
                 spreads[b] += spread;
             }
             let rotations: IdVec<VertexId, DQuat> = spreads.map(nearest_rotation);
             let mut right = rest.map(|_| DVec3::ZERO);
-            for &([a, b], weight) in &stiffness {
+            for &([a, b], weight) in stiffness {
                 let edge = rest[a] - rest[b];
                 let by = 0.5 * weight * (rotations[a] * edge + rotations[b] * edge);
                 right[a] += by;
@@ -335,11 +352,11 @@ fn bent_in_space(
             for k in 0..3 {
                 let mut column: Vec<f64> = right.iter().map(|at| at[k]).collect();
                 factor.solve(&mut column)?;
-                bent.positions.iter_mut().zip(column).for_each(|(at, x)| at[k] = x);
+                positions.iter_mut().zip(column).for_each(|(at, x)| at[k] = x);
             }
         }
+        Ok(())
     }
-    Ok(bent)
 }
 
 /// The edges of a mesh with their cotangent weights, each at least a thousandth of the mean.

@@ -5,6 +5,7 @@ use std::collections::{HashMap, HashSet};
 use glam::DVec3;
 
 use crate::mesh::parts;
+use crate::numeric::bits;
 use crate::skin::Sheet;
 
 /// Vertices at one position as one: the first of them.
@@ -24,9 +25,7 @@ impl Places {
     /// Adds the vertices that were appended to a sheet.
     fn add(&mut self, sheet: &Sheet) {
         for (k, p) in (0..).zip(&sheet.positions).skip(self.of.len()) {
-            // Adding zero makes -0 and 0 equal.
-            let key = p.to_array().map(|x| (x + 0.0).to_bits());
-            self.of.push(*self.first.entry(key).or_insert(k));
+            self.of.push(*self.first.entry(bits(p.to_array())).or_insert(k));
         }
     }
 

@@ -147,19 +147,9 @@ fn cover(mesh: &TriMesh, spacing: f64) -> Result<Covered, RemeshError> {
     open_necks(&mut mesh, NECK * spacing, least_area(spacing))?;
     let (halfedges, _) = HalfedgeMesh::new(&mesh)?;
     check_count(&mesh, &halfedges, spacing)?;
-    let (sharp, positions) = (mesh.triangles.map(|_| [false; 3]), mesh.positions.clone());
+    let positions = mesh.positions.clone();
     let surface = Surface::new(mesh)?;
-    let mut rounds = Rounds {
-        sharp,
-        freedom: positions.map(|_| Freedom::Surface),
-        near: positions.map(|_| None),
-        positions,
-        mesh: halfedges,
-        surface: &surface,
-        lines: None,
-        spacing,
-        target: spacing,
-    };
+    let mut rounds = Rounds::new(halfedges, positions, &surface, spacing);
     // Removes coincident vertices and vertices on edges, which many programs write.
     let height = CRACK * spacing;
     rounds.remove_thin(Thin { height, short: 5.0 * height, longest: f64::INFINITY, is_last: false });
@@ -364,17 +354,8 @@ mod tests {
         mesh.triangles[face] = [middle, b, c];
         let surface = Surface::new(mesh.clone()).unwrap();
         let (halfedges, _) = HalfedgeMesh::new(&mesh).unwrap();
-        let rounds = Rounds {
-            sharp: sharp_edges(&halfedges, &mesh.positions, spacing),
-            freedom: mesh.positions.map(|_| Freedom::Surface),
-            near: mesh.positions.map(|_| None),
-            positions: mesh.positions.clone(),
-            mesh: halfedges,
-            surface: &surface,
-            lines: None,
-            spacing,
-            target: spacing,
-        };
+        let sharp = sharp_edges(&halfedges, &mesh.positions, spacing);
+        let rounds = Rounds { sharp, ..Rounds::new(halfedges, mesh.positions.clone(), &surface, spacing) };
         let closed = without_pin_holes(rounds).unwrap();
         assert_eq!(Adjacency::new(&closed).unwrap().boundary_loops().len(), 1);
         let lowest = closed.triangles.ids().map(|face| height(closed.corners(face))).fold(1.0, f64::min);

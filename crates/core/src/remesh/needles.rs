@@ -147,18 +147,8 @@ mod tests {
     fn divided(mesh: &TriMesh, spacing: f64) -> TriMesh {
         let surface = Surface::new(mesh.clone()).unwrap();
         let (halfedges, _) = HalfedgeMesh::new(mesh).unwrap();
-        let positions = mesh.positions.clone();
-        let mut rounds = Rounds {
-            sharp: sharp_edges(&halfedges, &positions, spacing),
-            freedom: positions.map(|_| Freedom::Surface),
-            near: positions.map(|_| None),
-            positions,
-            mesh: halfedges,
-            surface: &surface,
-            lines: None,
-            spacing,
-            target: spacing,
-        };
+        let mut rounds = Rounds::new(halfedges, mesh.positions.clone(), &surface, spacing);
+        rounds.sharp = sharp_edges(&rounds.mesh, &rounds.positions, spacing);
         let sharp_length = |rounds: &Rounds<'_>| -> f64 {
             rounds.edges().filter(|&h| rounds.is_sharp(h)).map(|h| rounds.length(h)).sum()
         };

@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 
 use rayon::prelude::*;
 
+use crate::numeric::bits;
 use crate::remesh::seen::{Judged, judge};
 use crate::remesh::sight::{Sight, corners};
 use crate::skin::{Draft, LinkId, Remark, RemarkKind};
@@ -139,8 +140,7 @@ fn second_faces(draft: &Draft, sheets: &[usize]) -> Vec<HashSet<usize>> {
         let sheet = &draft.sheets[sheet];
         for (face, triangle) in sheet.triangles.iter().enumerate() {
             let Some(corners) = corners(sheet, triangle) else { continue };
-            // Adding zero makes -0 and 0 equal.
-            let mut key = corners.map(|p| p.to_array().map(|x| (x + 0.0).to_bits()));
+            let mut key = corners.map(|p| bits(p.to_array()));
             key.sort_unstable();
             if *first.entry(key).or_insert(k) != k {
                 second[k].insert(face);

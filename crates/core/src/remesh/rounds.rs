@@ -71,7 +71,27 @@ pub(super) struct Rounds<'a> {
     pub(super) near: IdVec<VertexId, Option<u32>>,
 }
 
-impl Rounds<'_> {
+impl<'a> Rounds<'a> {
+    /// A mesh on `surface` before the first round, without sharp edges.
+    pub(super) fn new(
+        mesh: HalfedgeMesh,
+        positions: IdVec<VertexId, DVec3>,
+        surface: &'a Surface,
+        spacing: f64,
+    ) -> Self {
+        Self {
+            sharp: IdVec::filled([false; 3], mesh.triangles().len()),
+            freedom: positions.map(|_| Freedom::Surface),
+            near: positions.map(|_| None),
+            mesh,
+            positions,
+            surface,
+            lines: None,
+            spacing,
+            target: spacing,
+        }
+    }
+
     /// Splits the long edges of the surface, before the first round.
     pub(super) fn split_surface(&mut self) {
         self.split_long(true);

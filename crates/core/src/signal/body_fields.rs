@@ -4,7 +4,7 @@
 use crate::body::{BodyRows, Modality};
 use crate::id::{IdVec, VertexId};
 use crate::map::SkinMap;
-use crate::numeric::{Csr, storable};
+use crate::numeric::Csr;
 use crate::pyramid::{LevelId, Prolongation};
 use crate::signal::{Frame, Quantity};
 use crate::skin::PatchId;
@@ -98,11 +98,7 @@ impl BodyFields {
                 let is_live = x.abs() <= f64::from(f32::MAX);
                 self.is_measured[k] = is_live;
                 self.served[k] = if is_live { self.areas[k] } else { 0.0 };
-                self.amounts[k] = match quantity {
-                    _ if !is_live => 0.0,
-                    Quantity::Intensive => self.areas[k] * x,
-                    Quantity::Extensive => x,
-                };
+                self.amounts[k] = if is_live { quantity.weight(self.areas[k]) * x } else { 0.0 };
             }
             let filled =
                 frame.filled.get(patch).and_then(|of| of.get(channel)).map_or(&[][..], Vec::as_slice);
@@ -140,11 +136,7 @@ impl BodyFields {
             amount += weight * self.amounts[taxel as usize];
             area += weight * self.served[taxel as usize];
         }
-        storable(match quantity {
-            Quantity::Intensive => amount / area,
-            Quantity::Extensive if area > 0.0 => amount,
-            Quantity::Extensive => f64::NAN,
-        })
+        quantity.of_sums(amount, area)
     }
 
     /// Whether a reading of a field was measured, not [filled](Frame::filled).

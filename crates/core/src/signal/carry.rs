@@ -180,16 +180,11 @@ impl Carry {
                 if storable(value).is_nan() {
                     continue;
                 }
-                let weight =
-                    if quantity == Quantity::Extensive { share } else { share * self.areas[i as usize] };
+                let weight = share * quantity.weight(self.areas[i as usize]);
                 sum += weight * value;
                 total += weight;
             }
-            match quantity {
-                _ if total == 0.0 => f64::NAN,
-                Quantity::Extensive => storable(sum),
-                Quantity::Intensive => storable(sum / total),
-            }
+            quantity.of_sums(sum, total)
         };
         self.members.iter().map(value).collect()
     }

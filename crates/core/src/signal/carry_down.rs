@@ -48,8 +48,8 @@ impl CarryDown {
         let Some(rows) = &self.rows[patch] else { return f64::NAN };
         let (mut sum, mut weight) = (0.0, 0.0);
         for (field, w) in rows.row(taxel).filter(|(field, _)| !fields[*field].is_nan()) {
-            let area = if quantity == Quantity::Extensive { self.areas[field] } else { 1.0 };
-            (sum, weight) = (sum + w * fields[field] / area, weight + w);
+            let extent = quantity.extent(self.areas[field]);
+            (sum, weight) = (sum + w * fields[field] / extent, weight + w);
         }
         sum / weight
     }

@@ -119,10 +119,7 @@ fn combine(
         let vertex = VertexId::new(vertex);
         let (mut predicted, mut weight, mut is_whole) = (0.0, 0.0, true);
         for (field, w) in step.row(vertex) {
-            let x = match quantity {
-                Quantity::Intensive => coarser[field],
-                Quantity::Extensive => coarser[field] / areas[coarse][field],
-            };
+            let x = coarser[field] / quantity.extent(areas[coarse][field]);
             if x.is_nan() {
                 is_whole = false;
             } else {
@@ -132,9 +129,7 @@ fn combine(
         if !is_whole && weight > 0.0 {
             predicted /= weight;
         }
-        if quantity == Quantity::Extensive {
-            predicted *= areas[fine][vertex];
-        }
+        predicted *= quantity.extent(areas[fine][vertex]);
         *value = storable(*value + sign * predicted);
     }
 }

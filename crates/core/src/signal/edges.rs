@@ -119,12 +119,8 @@ impl Edges {
                 let [u, v] = &mut self.out.values[id][2 * channel..][..2] else { continue };
                 for (k, level) in levels.enumerate() {
                     let offsets = &places.offsets[k];
-                    match quantity {
-                        Quantity::Intensive => level.gradients(|v| values[k][v], offsets, &mut self.sums),
-                        Quantity::Extensive => {
-                            level.gradients(|v| values[k][v] / areas[k][v], offsets, &mut self.sums);
-                        }
-                    }
+                    let density = |v| values[k][v] / quantity.extent(areas[k][v]);
+                    level.gradients(density, offsets, &mut self.sums);
                     for ((u, v), &(rise, area)) in u[k].iter_mut().zip(v[k].iter_mut()).zip(&self.sums) {
                         [*u, *v] =
                             (if area > 0.0 { rise / area } else { DVec2::NAN }).to_array().map(storable);

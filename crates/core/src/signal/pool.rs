@@ -56,16 +56,11 @@ impl GroupPool {
         let mut sums = vec![(0.0, 0.0); self.count];
         for ((group, area), value) in self.groups.iter().zip(&self.areas).zip(values) {
             let Some(group) = group.filter(|_| !storable(*value).is_nan()) else { continue };
-            let weight = if quantity == Quantity::Extensive { 1.0 } else { *area };
+            let weight = quantity.weight(*area);
             let (sum, total) = &mut sums[group];
             *sum += weight * value;
             *total += weight;
         }
-        let value = |(sum, total): (f64, f64)| match quantity {
-            _ if total == 0.0 => f64::NAN,
-            Quantity::Extensive => storable(sum),
-            Quantity::Intensive => storable(sum / total),
-        };
-        sums.into_iter().map(value).collect()
+        sums.into_iter().map(|(sum, total)| quantity.of_sums(sum, total)).collect()
     }
 }

@@ -12,7 +12,7 @@
 use crate::body::Modality;
 use crate::id::{IdVec, VertexId};
 use crate::map::{MapLevel, PatchMap, SkinMap};
-use crate::numeric::{Csr, storable};
+use crate::numeric::Csr;
 use crate::pyramid::{LevelId, Prolongation};
 use crate::signal::body_fields::BodyFields;
 use crate::signal::{Channel, Frame, LevelFrame, Quantity};
@@ -249,20 +249,10 @@ impl Restrictor {
         values.clear();
         for (_, fields) in self.patches[patch].coarse.iter().filter(|(other, _)| *other == level) {
             values.extend(areas[level].iter().enumerate().map(|(field, &area)| {
-                fields.sum_at_once(field, readings).map(|sum| field_value(quantity, sum, area))
+                fields.sum_at_once(field, readings).map(|sum| quantity.of_sums(sum, area))
             }));
         }
     }
-}
-
-/// The value of a field from its sums of amount and area.
-fn field_value(quantity: Quantity, sum: f64, area: f64) -> f64 {
-    storable(match quantity {
-        // 0 / 0 is NaN.
-        Quantity::Intensive => sum / area,
-        Quantity::Extensive if area > 0.0 => sum,
-        Quantity::Extensive => f64::NAN,
-    })
 }
 
 struct ChannelOut<'a> {
@@ -285,11 +275,7 @@ impl ChannelOut<'_> {
             let is_live = x.abs() <= f64::from(f32::MAX);
             masks_changed |= is_live != (*served > 0.0);
             (*value, *served) = if is_live { (x, area) } else { (f64::NAN, 0.0) };
-            *amount = match self.quantity {
-                _ if !is_live => 0.0,
-                Quantity::Intensive => area * x,
-                Quantity::Extensive => x,
-            };
+            *amount = if is_live { self.quantity.weight(area) * x } else { 0.0 };
         }
         masks_changed
     }
@@ -304,7 +290,7 @@ impl ChannelOut<'_> {
             }
             for (field, (value, &area)) in self.values[*level].iter_mut().zip(&self.areas[*level]).enumerate()
             {
-                *value = field_value(self.quantity, fields.sum(field, self.amounts.as_slice()), area);
+                *value = self.quantity.of_sums(fields.sum(field, self.amounts.as_slice()), area);
             }
         }
     }

@@ -1,5 +1,7 @@
 //! Units of readings, each parsed once: what it measures, and how many of its base unit it is.
 
+use crate::numeric::storable;
+
 /// How a channel is transferred between levels and to pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Quantity {
@@ -9,6 +11,31 @@ pub enum Quantity {
     Intensive,
     /// An amount: force, charge. A receptive field has the sum of its taxels' shares.
     Extensive,
+}
+
+impl Quantity {
+    /// The weight of a reading in a sum over taxels: 1 of an amount, the area of the taxel of an average.
+    #[doc(hidden)]
+    pub fn weight(self, area: f64) -> f64 {
+        if self == Self::Extensive { 1.0 } else { area }
+    }
+
+    /// What a value is divided by to compare fields of several sizes: the area of an amount, 1 of an average.
+    #[doc(hidden)]
+    pub fn extent(self, area: f64) -> f64 {
+        if self == Self::Extensive { area } else { 1.0 }
+    }
+
+    /// The value of a field or group from the sum of its readings by [weight](Self::weight) and the sum of the weights or
+    /// areas; NaN where nothing has a reading.
+    pub(crate) fn of_sums(self, sum: f64, total: f64) -> f64 {
+        storable(match self {
+            // 0 / 0 is NaN.
+            Self::Intensive => sum / total,
+            Self::Extensive if total > 0.0 => sum,
+            Self::Extensive => f64::NAN,
+        })
+    }
 }
 
 /// What a channel measures.

@@ -6,7 +6,7 @@ use glam::{DMat3, DQuat, DVec3};
 
 use crate::calib::{
     ContactMeasurement, ContactObservation, Information, Observations, TaxelVariable, TouchJoint, TouchRow,
-    TouchingBody,
+    TouchingBody, outer,
 };
 use crate::id::VertexId;
 use crate::numeric::symmetric_eigen;
@@ -371,7 +371,7 @@ impl Rows<'_> {
         let (mut information, mut gradient) = (DMat3::ZERO, DVec3::ZERO);
         for (weight, residual) in self.terms(v, samples, at) {
             let row = residual.by_position - residual.by_gain * gain_per_position;
-            information += weight * DMat3::from_cols(row.x * row, row.y * row, row.z * row);
+            information += weight * outer(row, row);
             gradient -= weight * residual.distance * row;
         }
         (information, gradient)
@@ -433,7 +433,7 @@ impl Rows<'_> {
             // A plane says how high the skin is, not where along it.
             let along = (arm * arm + depth * depth).powf(-1.0);
             let n = outward;
-            return (centre, along * DMat3::from_cols(n.x * n, n.y * n, n.z * n));
+            return (centre, along * outer(n, n));
         }
         let isotropic = DMat3::from_diagonal(DVec3::splat(across.powi(-2)));
         let Some(n) = self.estimates.normals[group.taxel].filter(|_| radius > 0.0) else {
@@ -441,7 +441,7 @@ impl Rows<'_> {
         };
         let depth = depth.min(radius);
         let along = (arm * arm + depth * depth).recip() - across.powi(-2);
-        (centre - (radius - depth) * n, isotropic + along * DMat3::from_cols(n.x * n, n.y * n, n.z * n))
+        (centre - (radius - depth) * n, isotropic + along * outer(n, n))
     }
 
     fn arm_noise(&self) -> f64 {
@@ -462,7 +462,7 @@ fn power(matrix: DMat3, exponent: f64) -> Option<DMat3> {
             return None;
         }
         let v = DVec3::from_array([0, 1, 2].map(|row| vectors[row][k]));
-        sum += value.powf(exponent) * DMat3::from_cols(v.x * v, v.y * v, v.z * v);
+        sum += value.powf(exponent) * outer(v, v);
     }
     Some(sum)
 }

@@ -93,7 +93,7 @@ pub use readings::{
     ReadOptions, ReadingsReader,
     arrays::ReadingsLayout,
     blocks::{Block, Readings},
-    writer::ReadingsWriter,
+    writer::{ReadingsColumns, ReadingsWriter},
 };
 #[cfg(feature = "robots")]
 pub use robot::{Packages, RobotSurface, read_robot, robot_draft};

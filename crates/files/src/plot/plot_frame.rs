@@ -193,10 +193,8 @@ impl<'a> FramePlotter<'a> {
         if values.len() != shape.mesh.positions.len() {
             return Err(other());
         }
-        let densities = match self.channel.quantity {
-            Quantity::Intensive => values.clone(),
-            Quantity::Extensive => values.iter().zip(&shape.areas).map(|(x, area)| x / area).collect(),
-        };
+        let quantity = self.channel.quantity;
+        let densities = values.iter().zip(&shape.areas).map(|(x, area)| x / quantity.extent(*area)).collect();
         Ok(Some(Drawn { name: format!("level {level}"), values, densities }))
     }
 

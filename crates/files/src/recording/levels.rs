@@ -51,7 +51,7 @@ impl Down {
                 let values = &mut drawn.values[patch][channel][LevelId::default()];
                 for ((taxel, &area), value) in areas.enumerate().zip(values.iter_mut()) {
                     let density = carry.density((patch, taxel), fields, *quantity);
-                    *value = if *quantity == Quantity::Extensive { area * density } else { density };
+                    *value = quantity.extent(area) * density;
                 }
             }
         }

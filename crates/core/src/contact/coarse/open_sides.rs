@@ -4,6 +4,7 @@
 use glam::DVec3;
 
 use crate::mesh::TriMesh;
+use crate::numeric::bits;
 
 /// Regions are enlarged by this fraction of their radius and by this length (m), for rounding.
 const REGION_ROUNDING: f64 = 1e-9;
@@ -47,8 +48,7 @@ impl Hull {
 impl OpenSides {
     /// Vertices at the same position count as one, so that triangles without a common vertex are also joined.
     pub(super) fn new(mesh: &TriMesh) -> Self {
-        let key = |p: &DVec3| p.to_array().map(|x| (x + 0.0).to_bits());
-        let mut order: Vec<_> = mesh.positions.enumerate().map(|(v, p)| (key(p), v)).collect();
+        let mut order: Vec<_> = mesh.positions.enumerate().map(|(v, p)| (bits(p.to_array()), v)).collect();
         order.sort_unstable();
         let mut first = vec![order[0].1; order.len()];
         for same in order.chunk_by(|a, b| a.0 == b.0) {

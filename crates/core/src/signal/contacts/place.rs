@@ -70,19 +70,12 @@ impl Pressed<'_> {
 
     /// Force on a taxel, in units of the channel, times m^2 if it is intensive.
     fn force(&self, taxel: VertexId) -> f64 {
-        match self.quantity {
-            Quantity::Intensive => self.patch.taxels.areas[taxel] * self.values[taxel.index()],
-            Quantity::Extensive => self.values[taxel.index()],
-        }
+        self.quantity.weight(self.patch.taxels.areas[taxel]) * self.values[taxel.index()]
     }
 
     /// As [`Self::force`], on a taxel of any patch.
     fn force_beyond(&self, at: BodyTaxel) -> f64 {
-        let value = self.all[self.joined.number(at)];
-        match self.quantity {
-            Quantity::Intensive => self.patches[at.patch].taxels.areas[at.taxel] * value,
-            Quantity::Extensive => value,
-        }
+        self.quantity.weight(self.patches[at.patch].taxels.areas[at.taxel]) * self.all[self.joined.number(at)]
     }
 
     /// Where a taxel of any patch is, in the frame of the link of a patch, as the links are at rest.

@@ -357,9 +357,7 @@ impl ContactTracker {
             }
             joined.divide(region, |taxel| {
                 let BodyTaxel { patch, taxel: own } = joined.taxel(taxel);
-                let area =
-                    if quantity == Quantity::Extensive { 1.0 } else { patches[patch].taxels.areas[own] };
-                area * all[taxel]
+                quantity.weight(patches[patch].taxels.areas[own]) * all[taxel]
             });
             let (patch, around) = (&patches[region.patch], &around[region.patch]);
             let start = joined.start(region.patch);

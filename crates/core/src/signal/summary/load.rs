@@ -126,7 +126,7 @@ impl Adder {
             return None;
         }
         let area = self.areas[taxel];
-        let amount = if self.quantity == Quantity::Extensive { value } else { value * area };
+        let amount = self.quantity.weight(area) * value;
         let load = Load {
             readings: 1,
             sum: value,

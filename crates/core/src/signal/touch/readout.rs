@@ -143,7 +143,7 @@ impl Readout {
         if taxels.is_empty() {
             return Err(SignalError::NoTaxels);
         }
-        let unit = if options.quantity == Quantity::Extensive { options.taxel_area() } else { 1.0 };
+        let unit = options.quantity.extent(options.taxel_area());
         let places: Vec<_> = taxels.iter().map(|own: &TaxelReadout| (own.patch, own.taxel)).collect();
         let faults = Faults::choose(skin, adjacency, &places, options, frames, chooser)?;
         let mut all = Self {

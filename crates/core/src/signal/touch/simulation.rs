@@ -204,8 +204,7 @@ impl<'a> TouchSimulation<'a> {
         } else {
             self.fill_bag(time);
         }
-        let reading =
-            if self.options.quantity == Quantity::Extensive { self.options.taxel_area() } else { 1.0 };
+        let reading = self.options.quantity.extent(self.options.taxel_area());
         let mut shares = self.bag.shares.iter();
         for (id, live) in self.live.enumerate() {
             let patch = &self.skin.patches[id];

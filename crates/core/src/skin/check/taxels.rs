@@ -4,6 +4,7 @@ use std::collections::{HashMap, HashSet};
 
 use crate::id::{FaceId, IdVec, VertexId};
 use crate::mesh::is_within_reach;
+use crate::numeric::bits;
 use crate::skin::check::FindingKind;
 use crate::skin::check::finding::{Report, Subject};
 use crate::skin::normals::is_unit;
@@ -45,7 +46,7 @@ pub(super) fn check_places(subject: &Subject<'_>, report: &mut Report<'_>) {
         if !p.is_finite() || !(in_file[v] || is_isolated(v)) {
             continue;
         }
-        let earlier = *first.entry((*p + 0.0).to_array().map(f64::to_bits)).or_insert(v);
+        let earlier = *first.entry(bits(p.to_array())).or_insert(v);
         let is_copy = surface.place[v] == surface.place[earlier] && in_file[v] && in_file[earlier];
         if earlier != v && !is_copy {
             again.push(v);

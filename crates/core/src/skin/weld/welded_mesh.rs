@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use crate::id::{FaceId, IdVec, VertexId};
 use crate::mesh::{Edges, Halfedge, TriMesh, parts};
-use crate::numeric::DisjointSets;
+use crate::numeric::{DisjointSets, bits};
 use crate::parallel::par_ids;
 use crate::skin::weld::fans::split_fans;
 use crate::skin::weld::joined_faces::{JoinedFaces, fans};
@@ -207,9 +207,7 @@ fn weld<'a>(
     ids: Option<&[TaxelId]>,
     triangles: impl Iterator<Item = &'a [VertexId; 3]>,
 ) -> IdVec<VertexId, VertexId> {
-    // Adding zero makes -0 and 0 the same bits.
-    let place = |v: VertexId| (mesh.positions[v] + 0.0).to_array().map(f64::to_bits);
-    let key = |v: VertexId| (place(v), ids.map(|ids| ids[v.index()]), v);
+    let key = |v: VertexId| (bits(mesh.positions[v].to_array()), ids.map(|ids| ids[v.index()]), v);
     let mut keys: Vec<_> = par_ids(mesh.positions.len(), key).into();
     keys.par_sort_unstable();
     let mut taxel: IdVec<VertexId, VertexId> = mesh.positions.ids().collect();

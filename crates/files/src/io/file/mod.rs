@@ -223,6 +223,21 @@ pub(crate) fn percent_coded(name: &str, is_odd: impl Fn(char) -> bool) -> String
     name.chars().map(coded).collect()
 }
 
+/// The bytes of a URL, in which `%41` is the byte 0x41; `None` if two hexadecimal digits do not follow a `%`.
+pub(crate) fn percent_decoded(url: &str) -> Option<Vec<u8>> {
+    let mut bytes = url.bytes();
+    let mut out = Vec::with_capacity(url.len());
+    while let Some(byte) = bytes.next() {
+        if byte != b'%' {
+            out.push(byte);
+            continue;
+        }
+        let mut digit = || char::from(bytes.next()?).to_digit(16).and_then(|d| u8::try_from(d).ok());
+        out.push(digit()? << 4 | digit()?);
+    }
+    Some(out)
+}
+
 /// A text as the value of an attribute, between double quotes, in a file that is about to be written.
 ///
 /// # Errors

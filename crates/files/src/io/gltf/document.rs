@@ -16,7 +16,7 @@ use gltf::json::Root;
 
 use crate::io::Feature;
 use crate::io::error::Result;
-use crate::io::file::{Source, cannot_read};
+use crate::io::file::{Source, cannot_read, percent_decoded};
 use crate::io::gltf::Notes;
 use crate::io::gltf::json::{self, Parsed, Transform};
 
@@ -186,7 +186,7 @@ impl Document {
         if scheme {
             return refuse("a uri with a scheme");
         }
-        let Some(bytes) = percent_decode(uri) else { return refuse("a broken % escape") };
+        let Some(bytes) = percent_decoded(uri) else { return refuse("a broken % escape") };
         let Ok(name) = String::from_utf8(bytes) else { return refuse("a uri that is not UTF-8") };
         if name.contains(['\\', '\0']) {
             return refuse("a character no file name may have");
@@ -211,21 +211,6 @@ impl Document {
         }
         Ok(target)
     }
-}
-
-/// Replaces `%41` by the byte 0x41; `None` if two hexadecimal digits do not follow a `%`.
-fn percent_decode(uri: &str) -> Option<Vec<u8>> {
-    let mut bytes = uri.bytes();
-    let mut out = Vec::with_capacity(uri.len());
-    while let Some(byte) = bytes.next() {
-        if byte != b'%' {
-            out.push(byte);
-            continue;
-        }
-        let mut digit = || char::from(bytes.next()?).to_digit(16).and_then(|d| u8::try_from(d).ok());
-        out.push(digit()? << 4 | digit()?);
-    }
-    Some(out)
 }
 
 /// Refuses a text with more structure than a robot needs.

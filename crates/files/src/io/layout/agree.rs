@@ -1,9 +1,11 @@
 //! What file and layout state: the same, or one of the two alone.
 
+use std::fmt::Display;
 use std::path::Path;
 
 use crate::io::IoError;
 use crate::io::file::invalid;
+use crate::io::layout::cells::MAX_CELLS;
 use crate::io::layout::facts::{Statement, StatementSource, StreamFacts};
 use crate::io::layout::keys::Layout;
 use crate::io::layout::rules::{TaxelRule, TimeRule};
@@ -16,7 +18,7 @@ impl Layout {
     /// Refuses a rate, or a name or unit of times, that is not that of the file.
     pub(super) fn check_time(&self, file: &Path, facts: &StreamFacts) -> Result<(), IoError> {
         let refuse = |element: &str, found: String, needed: &str| {
-            Err(invalid(file, element, found, format!("{needed}, as {} states", self.name.display())))
+            Err(invalid(file, element, found, self.says(needed)))
         };
         match (&self.time, facts) {
             (TimeRule::Rate(rate), StreamFacts { rate_hz: Some(stated), .. })
@@ -36,6 +38,45 @@ impl Layout {
             }
             _ => Ok(()),
         }
+    }
+
+    /// The numbers in a frame of these axes; refuses frames of another shape or with other axes.
+    pub(super) fn width_of(&self, axes: &[&str], file: &Path, facts: &StreamFacts) -> Result<usize, IoError> {
+        let refuse =
+            |element: &str, found: String, needed: String| Err(invalid(file, element, found, needed));
+        let is_of_frame = |axis: &&str| !["frame", "episode"].contains(axis);
+        let stated: Vec<&str> = facts.axes.iter().map(String::as_str).filter(is_of_frame).collect();
+        if axes.len() != facts.cells.len() {
+            let more = if axes.len() < facts.cells.len() && self.episode_axis().is_none() {
+                "; an axis of trials is called \"episode\""
+            } else {
+                ""
+            };
+            let needed = self.says(format!("{} axes, frames and {axes:?}", self.axes.len())) + more;
+            return refuse("axes", format!("frames of the shape {:?}", facts.cells), needed);
+        }
+        if !stated.is_empty() && stated != axes {
+            return refuse("axes", format!("{stated:?}"), self.says(format_args!("{axes:?}")));
+        }
+        let width = facts.cells.iter().try_fold(1_usize, |count, &size| count.checked_mul(size));
+        let Some(width) = width.filter(|width| (1..=MAX_CELLS).contains(width)) else {
+            let needed = format!("1 to {MAX_CELLS} numbers in a frame");
+            return refuse("axes", format!("frames of the shape {:?}", facts.cells), needed);
+        };
+        if facts.may_be_mirrored && !self.states_flips() {
+            let found = "that rows or columns are mirrored, but not whether they are stored so".into();
+            return refuse(
+                "taxels",
+                found,
+                "`flip` in `taxels` of the layout: the axes to flip, or []".into(),
+            );
+        }
+        Ok(width)
+    }
+
+    /// What is needed, and that the layout states it.
+    pub(super) fn says(&self, what: impl Display) -> String {
+        format!("{what}, as {} states", self.name.display())
     }
 
     /// What the layout states, or else the file; `taxels` are the cells that are taxels.
@@ -93,7 +134,7 @@ impl Layout {
             if !fits {
                 let found = format!("the unit {stated} of {name}");
                 let by = ratio.map_or(String::new(), |ratio| format!(", or `scale` {ratio} for it"));
-                let needed = format!("{}, as {} states{by}", rule.unit, self.name.display());
+                let needed = self.says(&rule.unit) + &by;
                 return Err(invalid(file, "unit", found, needed));
             }
         }

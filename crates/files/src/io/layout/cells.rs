@@ -60,7 +60,7 @@ impl Layout {
             },
             TaxelRule::Grid(grid) => {
                 if grid.shape != shape {
-                    let needed = format!("{:?}, as {} states", grid.shape, self.name.display());
+                    let needed = self.says(format_args!("{:?}", grid.shape));
                     return Err(invalid(file, "cells of a frame", format!("{shape:?}"), needed));
                 }
                 grid.ids(&self.name, &self.cell_axes())?.into_iter().enumerate().map(member).collect()

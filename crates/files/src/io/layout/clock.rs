@@ -3,17 +3,21 @@
 use crate::io::file::times::LATEST;
 use crate::io::layout::facts::{Statement, StatementSource, StreamFacts, TimeUnit, Times};
 use crate::io::layout::rules::TimeRule;
-use crate::signal::{self, Tick};
+use crate::signal::{Clock, Tick};
 
 /// What is wrong with the times: element, found, needed.
 pub(super) type Fault = [String; 3];
+
+fn fault(element: &str, found: String, needed: &str) -> Fault {
+    [element.to_owned(), found, needed.to_owned()]
+}
 
 /// The usual step, over that of a stated rate, lies between these: clocks of sensors are off by some percent, and a rate that
 /// is another one by a fourth or more.
 const OF_RATE: [f64; 2] = [0.8, 1.25];
 
 #[derive(Debug, Clone)]
-pub(super) struct Clock {
+pub(super) struct FrameClock {
     rule: TimeRule,
     /// What the file states: frames per second, and the unit of its times.
     stated_hz: Option<f64>,
@@ -27,7 +31,7 @@ pub(super) struct Clock {
     start: u64,
     first: Option<i64>,
     last: f64,
-    clock: signal::Clock,
+    clock: Clock,
     /// The first times of an episode, until they show the rate.
     early: Vec<f64>,
     is_rate_checked: bool,
@@ -36,7 +40,7 @@ pub(super) struct Clock {
     longest: (f64, u64),
 }
 
-impl Clock {
+impl FrameClock {
     pub(super) fn new(rule: TimeRule, facts: &StreamFacts) -> Self {
         Self {
             rule,
@@ -49,7 +53,7 @@ impl Clock {
             start: 0,
             first: None,
             last: f64::NEG_INFINITY,
-            clock: signal::Clock::new(),
+            clock: Clock::new(),
             early: Vec::new(),
             is_rate_checked: false,
             gaps: 0,
@@ -70,8 +74,6 @@ impl Clock {
         episode: u64,
         seconds: &mut Vec<f64>,
     ) -> Result<(), Fault> {
-        let fault =
-            |element: &str, found: String, needed: &str| [element.to_owned(), found, needed.to_owned()];
         if episode < self.episode {
             let found = format!("episode {episode} after {}", self.episode);
             return Err(fault("episodes", found, "episodes in ascending order"));
@@ -94,69 +96,11 @@ impl Clock {
             TimeRule::Stream { unit, between, .. } => (*unit, *between),
         };
         let at = seconds.len();
-        let per_second = unit.per_second();
-        let found = match times {
-            Times::None => {
-                let needed = "times, or `time` of the layout as {\"rate\": HZ}";
-                return Err(fault("times", "none".into(), needed));
-            }
-            Times::Whole(_) if unit == TimeUnit::Seconds => {
-                let needed = "{\"rate\": HZ}, or a smaller unit, as `time` of the layout";
-                return Err(fault("times", "whole numbers in s, as frame numbers are".into(), needed));
-            }
-            Times::Whole(ticks) => {
-                self.first = self.first.or_else(|| ticks.first().copied());
-                // As integers: 1.7e18 ns are not exact as a float.
-                let since = |t: &i64| t.saturating_sub(self.first.unwrap_or(*t));
-                seconds.extend(ticks.iter().map(|t| since(t) as f64 / per_second as f64));
-                ticks.len()
-            }
-            Times::Real(times) => {
-                seconds.extend(times.iter().map(|t| t / per_second as f64));
-                times.len()
-            }
-        };
-        if found != count {
-            return Err(fault("times", format!("{found} for {count} frames"), "one for each frame"));
-        }
-        let new = &seconds[at..];
-        let latest = match times {
-            Times::Whole(ticks) => {
-                ticks.iter().map(|t| (*t as f64 / per_second as f64).abs()).fold(0.0, f64::max)
-            }
-            _ => new.iter().map(|t| if t.is_finite() { t.abs() } else { f64::INFINITY }).fold(0.0, f64::max),
-        };
-        if latest > LATEST {
-            let found = format!("a time of {latest:e} s with times in {}", unit.name());
-            return Err(fault("times", found, "finite times, and the unit that they have in the file"));
-        }
-        for (k, &time) in new.iter().enumerate() {
-            if time <= self.last {
-                let found = format!("{time} s after {} s", self.last);
-                let frame = self.frames + k as u64;
-                return Err(fault(&format!("frame {frame}"), found, "ascending times, or one episode alone"));
-            }
-            self.last = time;
-        }
-        self.frames += count as u64;
-        self.early.extend_from_slice(new);
+        self.take(times, count, unit, seconds)?;
+        self.early.extend_from_slice(&seconds[at..]);
         if !self.is_rate_checked && self.early.len() > 2 {
             self.is_rate_checked = true;
-            self.early.iter().for_each(|&time| self.clock.learn(time));
-            self.clock.settle();
-            let rate = self.clock.usual().map_or(between[0], f64::recip);
-            if !(between[0]..=between[1]).contains(&rate) {
-                let found = format!("{rate:.6} frames a second with times in {}", unit.name());
-                let needed = format!("{} to {}, `between` of the layout", between[0], between[1]);
-                return Err(fault("times", found, &needed));
-            }
-            if let Some((hz, step)) =
-                self.stated_hz.zip(self.clock.usual()).filter(|&(hz, step)| !is_of_rate(step, hz))
-            {
-                let found = format!("frames {step:.6} s apart");
-                let needed = format!("{:.6} s, as the {hz} frames a second that the file states", 1.0 / hz);
-                return Err(fault("times", found, &needed));
-            }
+            self.check_rate(unit, between)?;
         }
         if self.is_rate_checked {
             let first = self.frames - self.early.len() as u64;
@@ -170,6 +114,78 @@ impl Clock {
             }
         }
         Ok(())
+    }
+
+    /// Takes the times of `count` frames, which must ascend.
+    fn take(
+        &mut self,
+        times: Times<'_>,
+        count: usize,
+        unit: TimeUnit,
+        seconds: &mut Vec<f64>,
+    ) -> Result<(), Fault> {
+        let at = seconds.len();
+        let per_second = unit.per_second() as f64;
+        let mut latest = 0.0_f64;
+        match times {
+            Times::None => {
+                let needed = "times, or `time` of the layout as {\"rate\": HZ}";
+                return Err(fault("times", "none".into(), needed));
+            }
+            Times::Whole(_) if unit == TimeUnit::Seconds => {
+                let needed = "{\"rate\": HZ}, or a smaller unit, as `time` of the layout";
+                return Err(fault("times", "whole numbers in s, as frame numbers are".into(), needed));
+            }
+            Times::Whole(ticks) => {
+                self.first = self.first.or_else(|| ticks.first().copied());
+                // As integers: 1.7e18 ns are not exact as a float.
+                let since = |t: &i64| t.saturating_sub(self.first.unwrap_or(*t));
+                seconds.extend(ticks.iter().map(|t| since(t) as f64 / per_second));
+                latest = ticks.iter().map(|t| (*t as f64 / per_second).abs()).fold(latest, f64::max);
+            }
+            Times::Real(times) => {
+                seconds.extend(times.iter().map(|t| t / per_second));
+                let size = |t: &f64| if t.is_finite() { t.abs() } else { f64::INFINITY };
+                latest = seconds[at..].iter().map(size).fold(latest, f64::max);
+            }
+        }
+        let new = &seconds[at..];
+        if new.len() != count {
+            return Err(fault("times", format!("{} for {count} frames", new.len()), "one for each frame"));
+        }
+        if latest > LATEST {
+            let found = format!("a time of {latest:e} s with times in {}", unit.name());
+            return Err(fault("times", found, "finite times, and the unit that they have in the file"));
+        }
+        for (frame, &time) in (self.frames..).zip(new) {
+            if time <= self.last {
+                let found = format!("{time} s after {} s", self.last);
+                return Err(fault(&format!("frame {frame}"), found, "ascending times, or one episode alone"));
+            }
+            self.last = time;
+        }
+        self.frames += count as u64;
+        Ok(())
+    }
+
+    /// Refuses first times whose rate is not between these, or not the one that the file states.
+    fn check_rate(&mut self, unit: TimeUnit, between: [f64; 2]) -> Result<(), Fault> {
+        self.early.iter().for_each(|&time| self.clock.learn(time));
+        self.clock.settle();
+        let rate = self.clock.usual().map_or(between[0], f64::recip);
+        if !(between[0]..=between[1]).contains(&rate) {
+            let found = format!("{rate:.6} frames a second with times in {}", unit.name());
+            let needed = format!("{} to {}, `between` of the layout", between[0], between[1]);
+            return Err(fault("times", found, &needed));
+        }
+        match self.stated_hz.zip(self.clock.usual()) {
+            Some((hz, step)) if !is_of_rate(step, hz) => {
+                let found = format!("frames {step:.6} s apart");
+                let needed = format!("{:.6} s, as the {hz} frames a second that the file states", 1.0 / hz);
+                Err(fault("times", found, &needed))
+            }
+            _ => Ok(()),
+        }
     }
 
     /// Refuses times of the file that are not those of the rate that is stated.

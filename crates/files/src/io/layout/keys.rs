@@ -7,7 +7,7 @@ use serde_json::{Map, Value};
 use crate::io::IoError;
 use crate::io::file::{Source, excerpt, invalid};
 use crate::io::layout::facts::{StatementSource, TimeUnit};
-use crate::io::layout::rules::{ChannelRule, Press, TaxelRule, TimeRule, Zero, typed};
+use crate::io::layout::rules::{ChannelRule, Press, TaxelRule, TimeRule, ZeroRule, typed};
 use crate::signal::{Channel, ChannelKind};
 use crate::skin::TaxelId;
 
@@ -45,7 +45,7 @@ pub struct Layout {
     pub(super) rules: Vec<ChannelRule>,
     pub(super) channels: Vec<Channel>,
     pub(super) press: Press,
-    pub(super) zero: Zero,
+    pub(super) zero: ZeroRule,
     pub(super) missing: Vec<f64>,
     pub(super) taxels: TaxelRule,
     episode: Option<u64>,
@@ -121,7 +121,7 @@ impl Layout {
                 part("press"),
                 "\"raises\" or \"lowers\", what pressing does to the number",
             )?,
-            zero: Zero::of(name, part("zero"))?,
+            zero: ZeroRule::of(name, part("zero"))?,
             missing: match keys.get("missing") {
                 Some(missing) => {
                     typed(name, "missing", missing, "a list of numbers that stand for no reading")?
@@ -235,7 +235,7 @@ impl Layout {
     /// The stream from which the zero is taken, if it is.
     pub fn zero_stream(&self) -> Option<&str> {
         match &self.zero {
-            Zero::Stream { stream } => Some(stream),
+            ZeroRule::Stream { stream } => Some(stream),
             _ => None,
         }
     }

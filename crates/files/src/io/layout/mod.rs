@@ -17,10 +17,10 @@ mod rules;
 
 use std::path::{Path, PathBuf};
 
-use self::cells::{MAX_CELLS, Member};
+use self::cells::Member;
 use self::checks::{CHECKED_FRAMES, Moves};
-use self::clock::{Clock, Fault};
-use self::rules::{Press, Zero};
+use self::clock::{Fault, FrameClock};
+use self::rules::{Press, ZeroRule};
 use crate::io::IoError;
 use crate::io::file::invalid;
 use crate::numeric::Csr;
@@ -54,9 +54,9 @@ pub struct Decoder {
     /// Of the first channel that presses raise: its number, its sign and scale.
     pressed: (usize, f64),
     press: Press,
-    zero: Zero,
+    zero: ZeroRule,
     missing: Vec<f64>,
-    clock: Clock,
+    clock: FrameClock,
     /// Axes of cells: of several, two may be swapped.
     cell_axes: usize,
     /// The episode whose first frames the zero was taken from.
@@ -83,37 +83,8 @@ impl Decoder {
     /// # Errors
     /// If the file states something else than the layout: its axes, the shape of a frame, a unit, a rate.
     pub fn new(layout: &Layout, file: &Path, facts: &StreamFacts) -> Result<Self, IoError> {
-        let of_layout = |what: String| format!("{what}, as {} states", layout.name.display());
-        let refuse =
-            |element: &str, found: String, needed: String| Err(invalid(file, element, found, needed));
         let axes: Vec<&str> = layout.frame_axes().collect();
-        let is_of_frame = |axis: &&str| !["frame", "episode"].contains(axis);
-        let stated: Vec<&str> = facts.axes.iter().map(String::as_str).filter(is_of_frame).collect();
-        if axes.len() != facts.cells.len() {
-            let more = if axes.len() < facts.cells.len() && layout.episode_axis().is_none() {
-                "; an axis of trials is called \"episode\""
-            } else {
-                ""
-            };
-            let needed = of_layout(format!("{} axes, frames and {axes:?}", layout.axes.len())) + more;
-            return refuse("axes", format!("frames of the shape {:?}", facts.cells), needed);
-        }
-        if !stated.is_empty() && stated != axes {
-            return refuse("axes", format!("{stated:?}"), of_layout(format!("{axes:?}")));
-        }
-        let width = facts.cells.iter().try_fold(1_usize, |count, &size| count.checked_mul(size));
-        let Some(width) = width.filter(|width| (1..=MAX_CELLS).contains(width)) else {
-            let needed = format!("1 to {MAX_CELLS} numbers in a frame");
-            return refuse("axes", format!("frames of the shape {:?}", facts.cells), needed);
-        };
-        if facts.may_be_mirrored && !layout.states_flips() {
-            let found = "that rows or columns are mirrored, but not whether they are stored so".into();
-            return refuse(
-                "taxels",
-                found,
-                "`flip` in `taxels` of the layout: the axes to flip, or []".into(),
-            );
-        }
+        let width = layout.width_of(&axes, file, facts)?;
         let component = axes.iter().position(|axis| *axis == "component");
         let shape = facts.cells.iter().enumerate().filter(|(k, _)| Some(*k) != component);
         let shape: Vec<usize> = shape.map(|(_, size)| *size).collect();
@@ -130,8 +101,8 @@ impl Decoder {
         for (k, rule) in layout.rules.iter().enumerate() {
             let at = rule.component.unwrap_or(0);
             if at >= components {
-                let needed = of_layout(format!("component {at} of channel {}", rule.name));
-                return refuse("axes", format!("{components} components"), needed);
+                let needed = layout.says(format!("component {at} of channel {}", rule.name));
+                return Err(invalid(file, "axes", format!("{components} components"), needed));
             }
             let scale = layout.scale_of(k, file, facts, &mut statements)?;
             let is_of_touch = layout.channels[k].kind.is_of_touch();
@@ -168,7 +139,7 @@ impl Decoder {
             press: layout.press,
             zero: layout.zero.clone(),
             missing: layout.missing.clone(),
-            clock: Clock::new(layout.time.clone(), facts),
+            clock: FrameClock::new(layout.time.clone(), facts),
             cell_axes: shape.len(),
             zero_of: None,
             has_learned: false,
@@ -199,7 +170,7 @@ impl Decoder {
     pub fn rest(&self, facts: &StreamFacts) -> KnownRest {
         let (channel, scale) = self.pressed;
         let is_zero = self.channels[channel].newtons().is_some();
-        let zero = if let Zero::Number(zero) = self.zero { zero } else { 0.0 };
+        let zero = if let ZeroRule::Number(zero) = self.zero { zero } else { 0.0 };
         let threshold = facts.threshold.map(|x| (x - zero) * scale.abs()).filter(|x| *x > 0.0 && is_zero);
         KnownRest { is_zero, threshold }
     }
@@ -208,7 +179,7 @@ impl Decoder {
     pub fn frames_to_learn(&self) -> usize {
         let checked = CHECKED_FRAMES.min(MAX_LEARNED / self.width).max(1);
         match self.zero {
-            Zero::First { first } => checked.max(first),
+            ZeroRule::First { first } => checked.max(first),
             _ => checked,
         }
     }
@@ -301,25 +272,25 @@ impl Decoder {
     /// Takes the zero that the layout or another stream gives.
     fn set_zero(&mut self, facts: &StreamFacts) -> Result<(), IoError> {
         match (&self.zero, &facts.zero) {
-            (Zero::Stream { stream }, None) => {
+            (ZeroRule::Stream { stream }, None) => {
                 let (found, needed) = (format!("no stream {stream}"), "the stream of the zero");
                 Err(self.invalid("zero", found, needed.into()))
             }
-            (Zero::Stream { .. }, Some(zeros)) if zeros.len() != self.width => {
+            (ZeroRule::Stream { .. }, Some(zeros)) if zeros.len() != self.width => {
                 let found = format!("{} numbers in the stream of the zero", zeros.len());
                 Err(self.invalid("zero", found, format!("{}, one for each of a frame", self.width)))
             }
-            (Zero::Stream { .. }, Some(zeros)) => {
+            (ZeroRule::Stream { .. }, Some(zeros)) => {
                 let zeros = zeros.clone();
                 self.each_number(|number| number.zero = zeros[number.place as usize]);
                 Ok(())
             }
-            (Zero::Number(zero), _) => {
+            (ZeroRule::Number(zero), _) => {
                 let zero = *zero;
                 self.each_number(|number| number.zero = zero);
                 Ok(())
             }
-            (Zero::First { first }, _) if first.saturating_mul(self.width) > 4 * MAX_LEARNED => {
+            (ZeroRule::First { first }, _) if first.saturating_mul(self.width) > 4 * MAX_LEARNED => {
                 let needed = format!("at most {} frames", 4 * MAX_LEARNED / self.width);
                 Err(self.invalid("zero", format!("first {first}"), needed))
             }
@@ -336,7 +307,7 @@ impl Decoder {
 
     /// Takes the mean of the first frames for the zero, if the layout does.
     fn learn_zero<T: Copy + Into<f64>>(&mut self, raw: &[T]) -> Result<(), IoError> {
-        let Zero::First { first } = self.zero else { return Ok(()) };
+        let ZeroRule::First { first } = self.zero else { return Ok(()) };
         let width = self.width;
         if raw.len() / width < first {
             let found = format!("{} frames", raw.len() / width);
@@ -371,7 +342,7 @@ impl Decoder {
             frames.map(|frame| frame[place].into()).filter(|x: &f64| x.is_finite()).collect()
         };
         let taxel = |n| series(values, taxels * channels, channel * taxels + n);
-        let zero = if let Zero::Number(zero) = self.zero { zero } else { 0.0 };
+        let zero = if let ZeroRule::Number(zero) = self.zero { zero } else { 0.0 };
         let moves = Moves::of(&(0..taxels).map(taxel).collect::<Vec<_>>(), zero * scale);
         if let Some(found) = moves.against_zero().filter(|_| zero != 0.0) {
             let needed = format!("another `press` or `zero` in {}", self.layout_name.display());

@@ -60,7 +60,7 @@ impl Press {
 /// The number at rest.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(untagged, deny_unknown_fields)]
-pub(super) enum Zero {
+pub(super) enum ZeroRule {
     Number(f64),
     First { first: usize },
     Stream { stream: String },
@@ -73,7 +73,7 @@ pub(super) enum ZeroWord {
     Taken,
 }
 
-impl Zero {
+impl ZeroRule {
     pub(super) fn of(name: &Path, value: &Value) -> Result<Self, IoError> {
         let needed = "a number, {\"first\": N} frames with N of 1 or more, {\"stream\": NAME} or \"taken\"";
         let zero = typed(name, "zero", value, needed)?;

@@ -12,6 +12,7 @@ use glam::{DVec2, DVec3};
 
 use crate::delaunay::triangulate_region;
 use crate::mesh::triangles_of_least_area;
+use crate::numeric::bits;
 use crate::skin::{Remark, RemarkKind};
 
 /// A polygon is a line, without a plane, if the areas of its fan are below this share of its squared length; a
@@ -129,8 +130,7 @@ fn between(rings: &[Vec<DVec2>]) -> Option<Vec<[usize; 3]>> {
         let is_turned = (signed > 0.0) != (k == 0);
         area += if k == 0 { signed } else { -signed.abs() };
         let site = |(corner, p): (usize, &DVec2)| {
-            // Adding 0 makes -0 the same.
-            *known.entry((*p + 0.0).to_array().map(f64::to_bits)).or_insert_with(|| {
+            *known.entry(bits(p.to_array())).or_insert_with(|| {
                 points.push(*p);
                 corners.push(before + corner);
                 points.len() - 1

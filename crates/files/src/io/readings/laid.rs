@@ -5,7 +5,7 @@ use std::path::Path;
 use crate::io::IoError;
 use crate::io::layout::{Decoder, KnownRest, Layout, Statement, StreamFacts, Times};
 use crate::io::readings::header::About;
-use crate::io::streams::{Frames, OpenStream, Tick, layout_of};
+use crate::io::streams::{FileTime, Frames, OpenStream, layout_of};
 
 /// Most numbers of the frames that are decoded at once, and most of these frames.
 const MAX_NUMBERS: usize = 1 << 16;
@@ -26,7 +26,7 @@ pub(super) struct LaidReadings {
     raw: Vec<f64>,
     cells: Vec<f64>,
     /// The episode and the time of the frame in `cells`, if it comes next.
-    ahead: Option<(u64, Tick)>,
+    ahead: Option<(u64, FileTime)>,
     /// The episode of the frames that were decoded.
     pub(super) episode: u64,
 }
@@ -86,7 +86,7 @@ impl LaidReadings {
         let mut wanted = few;
         self.raw.clear();
         let (mut whole, mut real, mut count) = (Vec::new(), Vec::new(), 0);
-        let mut tick = Tick::None;
+        let mut tick = FileTime::None;
         let mut episode = self.episode;
         while count < wanted && !self.has_ended {
             if self.ahead.is_none() {
@@ -108,9 +108,9 @@ impl LaidReadings {
             (self.ahead, episode, tick) = (None, of, at);
             self.raw.extend_from_slice(&self.cells);
             match tick {
-                Tick::None => {}
-                Tick::Whole(time) => whole.push(time),
-                Tick::Real(time) => real.push(time),
+                FileTime::None => {}
+                FileTime::Whole(time) => whole.push(time),
+                FileTime::Real(time) => real.push(time),
             }
             count += 1;
         }

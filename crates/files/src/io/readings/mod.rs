@@ -20,7 +20,7 @@ use crate::io::readings::blocks::{Block, BlockReadings, Readings};
 use crate::io::readings::header::About;
 use crate::io::readings::laid::LaidReadings;
 use crate::io::readings::text::{FirstLine, LongReadings, TextReadings, count_rows, has_row_first};
-use crate::io::streams::{self, Frames, OpenStream, Tick, Wanted};
+use crate::io::streams::{self, FileTime, Frames, OpenStream, Wanted};
 use crate::signal::Channel;
 use crate::skin::TaxelId;
 
@@ -233,7 +233,7 @@ impl Rows {
 }
 
 impl Frames for Rows {
-    fn read(&mut self, cells: &mut Vec<f64>, time: &mut Tick) -> Result<bool, IoError> {
+    fn read(&mut self, cells: &mut Vec<f64>, time: &mut FileTime) -> Result<bool, IoError> {
         let mut seconds = f64::NAN;
         let is_frame = self.source.read(cells, &mut seconds)?;
         for row in 1..self.count {
@@ -244,7 +244,7 @@ impl Frames for Rows {
             }
             cells.extend_from_slice(&self.row);
         }
-        *time = if seconds.is_nan() { Tick::None } else { Tick::Real(seconds * self.per_second) };
+        *time = if seconds.is_nan() { FileTime::None } else { FileTime::Real(seconds * self.per_second) };
         Ok(is_frame)
     }
 

@@ -32,6 +32,15 @@ pub struct ReadingsWriter {
     row: Vec<f64>,
 }
 
+/// The columns of readings that are written, besides those of taxels.
+#[derive(Debug, Clone, Copy)]
+pub struct ReadingsColumns<'a> {
+    /// The channels.
+    pub channels: &'a [Channel],
+    /// Whether frames have times, which are written, too.
+    pub has_times: bool,
+}
+
 enum Output {
     Table(TableWriter<Replacement>),
     Arrays { writer: ArrayWriter, times: Option<ArrayId>, values: ArrayId },
@@ -51,9 +60,9 @@ impl ReadingsWriter {
     pub fn create<'a>(
         path: impl Into<OutPath>,
         patches: impl IntoIterator<Item = &'a Taxels>,
-        channels: &[Channel],
-        has_times: bool,
+        columns: ReadingsColumns<'_>,
     ) -> Result<Self, IoError> {
+        let ReadingsColumns { channels, has_times } = columns;
         let path = &path.into();
         let (mut all, mut present) = (Vec::new(), Vec::new());
         for (patch, of_patch) in patches.into_iter().enumerate() {

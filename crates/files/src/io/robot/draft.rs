@@ -11,6 +11,7 @@ use crate::io::file::{Source, cannot_read, excerpt, file_kind, invalid};
 use crate::io::mesh::reader_of;
 use crate::io::robot::Packages;
 use crate::io::{IoError, ReadParts};
+use crate::numeric::bits;
 use crate::robot::{Geometry, Robot, Role, Shape, triangles_of};
 use crate::skin::{Draft, LinkId, Remark, RemarkKind, Sheet, world_pose};
 
@@ -267,9 +268,7 @@ impl Welded {
         let is_mirrored = scale.x * scale.y * scale.z * pose.matrix3.determinant() < 0.0;
         let corners = if is_mirrored { [a, c, b] } else { [a, b, c] };
         let corners = corners.map(|p| {
-            // Adding zero makes -0 and 0 equal.
-            let bits = p.to_array().map(|x| (x + 0.0).to_bits());
-            *self.places.entry(bits).or_insert_with(|| {
+            *self.places.entry(bits(p.to_array())).or_insert_with(|| {
                 self.sheet.positions.push(pose.transform_point3(p * scale));
                 u32::try_from(self.sheet.positions.len() - 1).unwrap_or(u32::MAX)
             })

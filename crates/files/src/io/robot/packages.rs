@@ -5,7 +5,9 @@ use std::{
     path::{Component, Path, PathBuf},
 };
 
-use crate::io::{IoError, error::Result, file::invalid};
+use crate::io::IoError;
+use crate::io::error::Result;
+use crate::io::file::{invalid, percent_decoded};
 
 /// Where packages are looked for, besides the folders above the description.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -48,9 +50,10 @@ impl Packages {
             }
         };
         let folder = path.parent().unwrap_or(Path::new(""));
-        let decoded = folder.join(percent_decoded(file));
+        let decoded = percent_decoded(file).and_then(|bytes| String::from_utf8(bytes).ok());
+        let decoded = decoded.map(|name| folder.join(name));
         let file = folder.join(file);
-        if url.contains("://") && decoded.is_file() {
+        if let Some(decoded) = decoded.filter(|file| url.contains("://") && file.is_file()) {
             return Ok(decoded);
         }
         let missing = || IoError::MeshFile {
@@ -124,17 +127,4 @@ fn is_package(folder: &Path, name: &str) -> bool {
     let text = std::fs::read_to_string(folder.join("package.xml")).unwrap_or_default();
     let own = text.split_once("<name>").and_then(|(_, rest)| rest.split_once("</name>"));
     own.is_some_and(|(own, _)| own.trim() == name)
-}
-
-/// A path of a URL, in which `%` and two hexadecimal digits are a byte.
-fn percent_decoded(path: &str) -> String {
-    let mut pieces = path.split('%');
-    let mut bytes = pieces.next().unwrap_or_default().as_bytes().to_vec();
-    for piece in pieces {
-        match piece.get(..2).and_then(|digits| u8::from_str_radix(digits, 16).ok()) {
-            Some(byte) => bytes.extend([&[byte], &piece.as_bytes()[2..]].concat()),
-            None => bytes.extend([b"%", piece.as_bytes()].concat()),
-        }
-    }
-    String::from_utf8_lossy(&bytes).into_owned()
 }

@@ -11,7 +11,7 @@ use crate::io::file::invalid;
 use crate::io::file::times::time_column;
 use crate::io::layout::{Layout, StreamFacts, TimeUnit};
 use crate::io::readings::arrays::ids_of;
-use crate::io::streams::frames::{Frames, OpenStream, Tick, Wanted};
+use crate::io::streams::frames::{FileTime, Frames, OpenStream, Wanted};
 
 struct Arrays {
     path: PathBuf,
@@ -29,7 +29,7 @@ enum ArrayTimes {
     /// As they come, of one episode.
     Rows(ArrayRows),
     /// Those of all episodes, or of each the same.
-    Whole(Vec<Tick>),
+    Whole(Vec<FileTime>),
     None,
 }
 
@@ -134,13 +134,13 @@ pub(super) fn open(path: &Path, wanted: Wanted<'_>) -> Result<OpenStream, IoErro
 }
 
 /// All times of an array.
-fn read_ticks(path: &Path, times: &StoredArray) -> Result<Vec<Tick>, IoError> {
+fn read_ticks(path: &Path, times: &StoredArray) -> Result<Vec<FileTime>, IoError> {
     let count: u64 = times.header.shape.iter().product();
     if times.header.is_fortran && times.header.shape.len() > 1 {
         return Err(invalid(path, times.element(), times.header.describe(), "times in C order"));
     }
     let mut rows = ArrayRows::open(path, times, 1)?;
-    (0..count).map(|_| Ok(rows.read_tick(path)?.map_or_else(Tick::Real, Tick::Whole))).collect()
+    (0..count).map(|_| Ok(rows.read_tick(path)?.map_or_else(FileTime::Real, FileTime::Whole))).collect()
 }
 
 fn is_npy(path: &Path) -> Result<bool, IoError> {
@@ -240,7 +240,7 @@ impl Values {
 }
 
 impl Frames for Arrays {
-    fn read(&mut self, out: &mut Vec<f64>, time: &mut Tick) -> Result<bool, IoError> {
+    fn read(&mut self, out: &mut Vec<f64>, time: &mut FileTime) -> Result<bool, IoError> {
         let (at, frame) = (self.done / self.frames.max(1), self.done % self.frames.max(1));
         let episode = self.episodes.start + at;
         match &mut self.values {
@@ -264,11 +264,13 @@ impl Frames for Arrays {
         }
         self.done += 1;
         *time = match &mut self.times {
-            ArrayTimes::Rows(times) => times.read_tick(&self.path)?.map_or_else(Tick::Real, Tick::Whole),
+            ArrayTimes::Rows(times) => {
+                times.read_tick(&self.path)?.map_or_else(FileTime::Real, FileTime::Whole)
+            }
             // One row is that of each episode.
             ArrayTimes::Whole(times) if times.len() == self.frames => times[frame],
             ArrayTimes::Whole(times) => times.get(episode * self.frames + frame).copied().unwrap_or_default(),
-            ArrayTimes::None => Tick::None,
+            ArrayTimes::None => FileTime::None,
         };
         Ok(true)
     }

@@ -7,7 +7,7 @@ use std::path::Path;
 use crate::io::IoError;
 use crate::io::file::excerpt;
 use crate::io::layout::{Statement, StatementSource, StreamFacts, TimeUnit};
-use crate::io::streams::frames::{Frames, OpenStream, Sheet, Tick, Wanted};
+use crate::io::streams::frames::{FileTime, Frames, OpenStream, Sheet, Wanted};
 use crate::io::streams::lines::{TextLines, number, words};
 use crate::io::streams::numbers::{is_interval, is_sum};
 
@@ -197,7 +197,7 @@ fn side(word: &[u8]) -> Option<u32> {
 }
 
 impl Frames for Emed {
-    fn read(&mut self, cells: &mut Vec<f64>, time: &mut Tick) -> Result<bool, IoError> {
+    fn read(&mut self, cells: &mut Vec<f64>, time: &mut FileTime) -> Result<bool, IoError> {
         let Some(page) = next_page(&mut self.lines, &mut self.about, &mut self.next)? else {
             return Ok(false);
         };
@@ -239,7 +239,7 @@ impl Frames for Emed {
         // Pages are cropped to what is loaded: the force proves that the other cells are not.
         cells.iter_mut().filter(|x| x.is_nan()).for_each(|x| *x = 0.0);
         (self.picture, self.forces) = (Some(page.picture), self.forces + 1);
-        *time = Tick::Real(self.frames as f64 * self.step);
+        *time = FileTime::Real(self.frames as f64 * self.step);
         self.frames += 1;
         Ok(true)
     }

@@ -12,7 +12,7 @@ use crate::skin::{Draft, Sheet as SkinSheet, TaxelId};
 
 /// When a frame was taken, as its file has it.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(in crate::io) enum Tick {
+pub(in crate::io) enum FileTime {
     #[default]
     None,
     Whole(i64),
@@ -22,7 +22,7 @@ pub(in crate::io) enum Tick {
 /// Frames of cells, one after the other.
 pub(in crate::io) trait Frames: Send {
     /// Reads the next frame; false after the last one. A cell without a reading is NaN.
-    fn read(&mut self, cells: &mut Vec<f64>, time: &mut Tick) -> Result<bool, IoError>;
+    fn read(&mut self, cells: &mut Vec<f64>, time: &mut FileTime) -> Result<bool, IoError>;
 
     /// The episode of the frame that was read last.
     fn episode(&self) -> u64 {

@@ -25,7 +25,7 @@ use crate::io::IoError;
 use crate::io::file::{cannot_read, invalid};
 use crate::io::layout::Layout;
 
-pub(in crate::io) use frames::{Frames, OpenStream, Sheet, Tick, Wanted};
+pub(in crate::io) use frames::{FileTime, Frames, OpenStream, Sheet, Wanted};
 
 /// Bytes from which the kind of a file is known.
 const HEAD: u64 = 4096;

@@ -8,7 +8,7 @@ use glam::DVec3;
 use crate::io::IoError;
 use crate::io::file::excerpt;
 use crate::io::layout::{Statement, StatementSource, StreamFacts, TimeUnit};
-use crate::io::streams::frames::{Frames, OpenStream, Sheet, Tick, Wanted};
+use crate::io::streams::frames::{FileTime, Frames, OpenStream, Sheet, Wanted};
 use crate::io::streams::lines::{TextLines, number, words};
 use crate::io::streams::numbers::{is_sum, pascals, unit};
 use crate::skin::TaxelId;
@@ -244,7 +244,7 @@ impl Novel {
 }
 
 impl Frames for Novel {
-    fn read(&mut self, cells: &mut Vec<f64>, time: &mut Tick) -> Result<bool, IoError> {
+    fn read(&mut self, cells: &mut Vec<f64>, time: &mut FileTime) -> Result<bool, IoError> {
         if !self.lines.advance()? || !is_frame(&self.lines) {
             return Ok(false);
         }
@@ -259,7 +259,7 @@ impl Frames for Novel {
             return Err(self.lines.at().invalid(format!("{} pressures", cells.len()), needed));
         }
         self.check_force(cells, seconds)?;
-        *time = Tick::Real(seconds);
+        *time = FileTime::Real(seconds);
         self.frames += 1;
         Ok(true)
     }

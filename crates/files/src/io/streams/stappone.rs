@@ -7,7 +7,7 @@ use std::path::Path;
 use crate::io::IoError;
 use crate::io::file::excerpt;
 use crate::io::layout::{Statement, StatementSource, StreamFacts, TimeUnit};
-use crate::io::streams::frames::{Frames, OpenStream, Tick, Wanted};
+use crate::io::streams::frames::{FileTime, Frames, OpenStream, Wanted};
 use crate::io::streams::lines::{TextLines, cells as split};
 use crate::skin::TaxelId;
 
@@ -117,7 +117,7 @@ fn read_columns(lines: &mut TextLines) -> Result<StappColumns, IoError> {
 }
 
 impl Frames for Stappone {
-    fn read(&mut self, cells: &mut Vec<f64>, time: &mut Tick) -> Result<bool, IoError> {
+    fn read(&mut self, cells: &mut Vec<f64>, time: &mut FileTime) -> Result<bool, IoError> {
         loop {
             if !self.lines.advance_to_content()? {
                 return Ok(false);
@@ -138,7 +138,7 @@ impl Frames for Stappone {
                     "a whole number of ms",
                 )
             })?;
-            *time = Tick::Whole(ms);
+            *time = FileTime::Whole(ms);
             let is_corrupt = self.columns.corrupt.is_some_and(|column| row[column] != b"0");
             cells.clear();
             for &column in &self.columns.pressures {

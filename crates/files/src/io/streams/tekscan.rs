@@ -7,7 +7,7 @@ use std::path::Path;
 use crate::io::IoError;
 use crate::io::file::excerpt;
 use crate::io::layout::{Statement, StatementSource, StreamFacts, TimeUnit};
-use crate::io::streams::frames::{Frames, OpenStream, Sheet, Tick, Wanted};
+use crate::io::streams::frames::{FileTime, Frames, OpenStream, Sheet, Wanted};
 use crate::io::streams::lines::{TextLines, cells as split, number};
 use crate::io::streams::numbers::{is_interval, is_sum, length, pascals, unit};
 
@@ -33,7 +33,7 @@ pub(super) struct Tekscan {
     /// The force of a cell with a pressure of 1, in N; `None` if the unit is none of pressure.
     cell_newtons: Option<f64>,
     /// The first frame, which is read at once.
-    first: Option<(Vec<f64>, Tick)>,
+    first: Option<(Vec<f64>, FileTime)>,
     last: Option<u64>,
     frames: u64,
     sums: u64,
@@ -93,7 +93,7 @@ pub(super) fn open(path: &Path, wanted: Wanted<'_>) -> Result<OpenStream, IoErro
         sums: 0,
         has_ended: false,
     };
-    let (mut cells, mut time) = (Vec::new(), Tick::None);
+    let (mut cells, mut time) = (Vec::new(), FileTime::None);
     if !reader.read_frame(&mut cells, &mut time)? {
         return Err(reader.lines.ended("at least one frame"));
     }
@@ -161,7 +161,7 @@ fn check_area(lines: &TextLines, text: &str, pitch: [f64; 2]) -> Result<(), IoEr
 
 impl Tekscan {
     /// Reads a frame from its title on; false at the end of the data.
-    fn read_frame(&mut self, cells: &mut Vec<f64>, time: &mut Tick) -> Result<bool, IoError> {
+    fn read_frame(&mut self, cells: &mut Vec<f64>, time: &mut FileTime) -> Result<bool, IoError> {
         if self.has_ended || !self.lines.advance_to_content()? || self.lines.bytes().starts_with(b"@@") {
             if !std::mem::replace(&mut self.has_ended, true) && self.lines.advance_to_content()? {
                 let needed = "the end of the file behind @@: write a file for each export";
@@ -210,7 +210,7 @@ impl Tekscan {
     }
 
     /// Reads `Frame 41, 4.04,, DATE,,,Raw Sum=,,823`, and gives the raw sum and the force, in N, that there are.
-    fn read_title(&mut self, time: &mut Tick) -> Result<[Option<f64>; 2], IoError> {
+    fn read_title(&mut self, time: &mut FileTime) -> Result<[Option<f64>; 2], IoError> {
         let (lines, line) = (&self.lines, self.lines.bytes());
         let wrong = |needed: String| lines.at().invalid(excerpt(&String::from_utf8_lossy(line)), needed);
         let mut parts = split(line, b',');
@@ -223,7 +223,7 @@ impl Tekscan {
         }
         self.last = Some(frame);
         let stated = parts.next().and_then(number);
-        *time = Tick::Real(stated.unwrap_or(self.frames as f64 * self.seconds_per_frame));
+        *time = FileTime::Real(stated.unwrap_or(self.frames as f64 * self.seconds_per_frame));
         let of_name = |name: &[u8]| {
             let mut cells = split(line, b',').skip_while(|cell| !cell.starts_with(name));
             let (head, rest) = (cells.next()?, cells.find(|cell| !cell.is_empty()));
@@ -292,7 +292,7 @@ impl Tekscan {
 }
 
 impl Frames for Tekscan {
-    fn read(&mut self, cells: &mut Vec<f64>, time: &mut Tick) -> Result<bool, IoError> {
+    fn read(&mut self, cells: &mut Vec<f64>, time: &mut FileTime) -> Result<bool, IoError> {
         match self.first.take() {
             Some(first) => {
                 (*cells, *time) = first;

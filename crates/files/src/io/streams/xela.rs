@@ -8,7 +8,7 @@ use serde_json::{Map, Value};
 use crate::io::IoError;
 use crate::io::file::excerpt;
 use crate::io::layout::{Statement, StatementSource, StreamFacts, TimeUnit};
-use crate::io::streams::frames::{Frames, OpenStream, Tick, Wanted};
+use crate::io::streams::frames::{FileTime, Frames, OpenStream, Wanted};
 use crate::io::streams::lines::TextLines;
 
 /// The most lines without data, as the welcome of the server.
@@ -109,7 +109,7 @@ fn about_of(lines: &TextLines, name: &str, block: &Message) -> Result<XelaAbout,
 }
 
 impl Frames for Xela {
-    fn read(&mut self, cells: &mut Vec<f64>, time: &mut Tick) -> Result<bool, IoError> {
+    fn read(&mut self, cells: &mut Vec<f64>, time: &mut FileTime) -> Result<bool, IoError> {
         cells.clear();
         loop {
             let Some(message) = next_message(&mut self.lines)? else { return Ok(false) };
@@ -144,7 +144,7 @@ impl Frames for Xela {
                 );
             }
             let seconds = message.get("time").and_then(Value::as_f64);
-            *time = Tick::Real(seconds.ok_or_else(|| lines.at().invalid("no time", "`time` in s"))?);
+            *time = FileTime::Real(seconds.ok_or_else(|| lines.at().invalid("no time", "`time` in s"))?);
             let data = block.get("data").and_then(Value::as_str).unwrap_or_default();
             for word in data.split(',') {
                 let digits = word.trim();

@@ -7,7 +7,7 @@ use crate::io::IoError;
 use crate::io::file::excerpt;
 use crate::io::file::times::days;
 use crate::io::layout::{Statement, StatementSource, StreamFacts, TimeUnit};
-use crate::io::streams::frames::{Frames, OpenStream, Sheet, Tick, Wanted};
+use crate::io::streams::frames::{FileTime, Frames, OpenStream, Sheet, Wanted};
 use crate::io::streams::lines::{TextLines, cells as split};
 use crate::io::streams::numbers::{is_sum, pascals, unit};
 
@@ -325,7 +325,7 @@ impl Xsensor {
 }
 
 impl Frames for Xsensor {
-    fn read(&mut self, cells: &mut Vec<f64>, time: &mut Tick) -> Result<bool, IoError> {
+    fn read(&mut self, cells: &mut Vec<f64>, time: &mut FileTime) -> Result<bool, IoError> {
         let (mut is_in, mut is_found) = (false, false);
         let [rows, cols] = self.sensor.shape;
         cells.clear();
@@ -352,7 +352,7 @@ impl Frames for Xsensor {
                     }
                     self.last = seconds;
                     let first = *self.first.get_or_insert(seconds);
-                    *time = Tick::Real(86_400.0 * self.day as f64 + seconds - first);
+                    *time = FileTime::Real(86_400.0 * self.day as f64 + seconds - first);
                 }
                 Item::Block(block) if block.sensor.name == self.sensor.name => {
                     if is_found {
