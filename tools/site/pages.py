@@ -45,8 +45,8 @@ def adapter(name: str) -> tuple[str, str]:
     """What an adapter says of itself, and its public functions and classes as Sphinx describes them."""
     found = importlib.util.find_spec(f"dermatome.{name}")
     assert found and found.origin
-    # Its classes may stand in a file of their own, which needs the package.
-    files = [path for path in (Path(found.origin), Path(found.origin).with_name(f"_{name}.py")) if path.is_file()]
+    # Its classes may stand in files of their own, which need the package.
+    files = [Path(found.origin), *sorted(Path(found.origin).parent.glob(f"_{name}*.py"))]
     trees = [ast.parse(path.read_text()) for path in files]
     public = {element.value for node in ast.walk(trees[0]) if isinstance(node, ast.List) for element in node.elts if isinstance(element, ast.Constant)}
     text = ""

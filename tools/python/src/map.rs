@@ -781,6 +781,11 @@ impl PyMap {
 
     /// Of which modality besides touch the readings of a channel are, as "thermal": one whose sensors the map has, by the name
     /// or the unit of the channel; else None.
+    ///
+    /// Raises
+    /// ------
+    /// DataError
+    ///     If the unit is not known.
     #[pyo3(signature = (channel, unit=""))]
     fn modality(
         &self,

@@ -88,7 +88,8 @@ def test_help_says_the_shapes_of_arrays():
 def documented_in_adapters():
     """The names in `__all__` of adapters and what their text says of them: their packages need not be installed."""
     for name in ADAPTERS:
-        trees = [ast.parse((Path(dermatome.__file__).parent / f"{file}.py").read_text()) for file in (name, f"_{name}") if (Path(dermatome.__file__).parent / f"{file}.py").is_file()]
+        folder = Path(dermatome.__file__).parent
+        trees = [ast.parse(file.read_text()) for file in (folder / f"{name}.py", *sorted(folder.glob(f"_{name}*.py")))]
         nodes = {node.name: node for tree in trees for node in tree.body if isinstance(node, (ast.FunctionDef, ast.ClassDef))}
         for member in importlib.import_module(f"dermatome.{name}").__all__:
             if member in nodes:

@@ -407,7 +407,13 @@ class Readings:
         return tuple(is_extensive(name, unit) for name, unit in zip(self.channels, self.units))
 
     def modalities(self, map: Map) -> tuple[str | None, ...]:
-        """Of which modality besides touch each channel is, as "thermal", of those whose sensors a map has; else None."""
+        """Of which modality besides touch each channel is, as "thermal", of those whose sensors a map has; else None.
+
+        Raises
+        ------
+        DataError
+            If a unit is not known.
+        """
         check_kind("map", map, Map, A_MAP)
         return tuple(map.modality(name, unit) for name, unit in zip(self.channels, self.units))
 

@@ -11,10 +11,10 @@ import numpy as np
 import torch  # type: ignore[import-not-found, unused-ignore]
 
 from dermatome._arguments import A_MAP, READINGS, check_kind, flag_of, items_of, mapping_of, number_of, whole_of
-from dermatome._augment import Augment
 from dermatome._dermatome import ContactTracker, Map, Renderer, as_floats, main_channel
 from dermatome._errors import ArgumentError, DataError
 from dermatome._readings import Readings, frames_of
+from dermatome._torch_augment import Augment
 from dermatome._weights import marks, shares
 
 # A value whose weights have a smaller sum, in pixels, is shown by none, as the renderer has it.

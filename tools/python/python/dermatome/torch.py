@@ -10,7 +10,7 @@ from dermatome._dermatome import Map, Matrix, Renderer
 from dermatome._weights import shares
 
 if TYPE_CHECKING:
-    from dermatome._augment import Augment
+    from dermatome._torch_augment import Augment
     from dermatome._torch import Draw, Pool, Touches
 
 __all__ = ["Augment", "Draw", "Pool", "Touches", "pixels", "pooling", "tensor"]

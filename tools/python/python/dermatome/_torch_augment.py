@@ -41,7 +41,7 @@ class Augment:
     drop : float
         The share of taxels without a reading, 0 to 1.
     gain : float
-        The standard deviation of the gains of taxels, of which 1 is the mean.
+        The standard deviation of the factor of the readings of a taxel, which is 1 in the mean.
 
     Raises
     ------
