@@ -5,7 +5,9 @@ mod tables;
 
 use dermatome::id::{IdVec, VertexId};
 use dermatome::mesh::shapes;
-use dermatome::response::{GainEstimator, Gains, ResponseError, ScaleEstimator, StepEstimator, TaxelGain};
+use dermatome::response::{
+    GainEstimator, Gains, ResponseError, ScaleEstimator, StepEstimator, TaxelGain,
+};
 use dermatome::run::Run;
 use dermatome::signal::{Frame, Quantity, Touch, TouchOptions, TouchSimulation};
 use dermatome::skin::{PatchId, Skin};
@@ -330,4 +332,35 @@ fn known_forces_give_the_scale_and_the_exponent() {
         let refused = estimator.solve().err().map(|error| error.kind());
         assert_eq!(refused, Some("too_few_forces"), "readings times {factor}");
     }
+}
+
+/// No press joins two patches: what is known of how their gains compare is that bodies press both alike, not that their
+/// gains are alike. Readings of the second one are three times larger.
+#[test]
+fn patches_that_no_press_joins_keep_their_ratio() {
+    let mut skin = forearm(8, 8);
+    let pose = glam::DAffine3::IDENTITY;
+    skin.links.push(dermatome::skin::Link { name: "hand".into(), parent: None, pose });
+    let mut hand = forearm(8, 8).patches[PatchId::new(0)].clone();
+    hand.name = "hand".into();
+    hand.link = dermatome::skin::LinkId::new(1);
+    hand.taxels.ids.iter_mut().for_each(|id| id.0 += 64);
+    skin.patches.push(hand);
+    let options = usual(&[0.008, 0.015, 0.04], 160, 5);
+    let (mut truth, found) = estimate_as(&skin, &options, |frame, _| {
+        frame.values[PatchId::new(1)][0].iter_mut().for_each(|x| *x *= 3.0);
+    });
+    truth[64..].iter_mut().for_each(|log| *log += 3.0_f64.ln());
+    let (gains, report) = found.unwrap();
+    let [error, share, _, chi] = errors(&truth, &gains);
+    let mean = |patch: usize| {
+        let of = gains[PatchId::new(patch)].iter().zip(&truth[64 * patch..]);
+        let left: Vec<f64> = of.filter(|(t, _)| !t.gain.is_nan()).map(|(t, log)| t.gain.ln() + log).collect();
+        left.iter().sum::<f64>() / left.len() as f64
+    };
+    let ratio = mean(1) - mean(0);
+    println!("{error:.3} {share:.2} {chi:.2}, the ratio is off by {ratio:.3}; {report:?}");
+    assert!(report.has_converged && report.patches == 2, "{report:?}");
+    assert!(ratio.abs() < 0.2 && error < 0.15 && share > 0.6, "{ratio}, {error}, {share}");
+    assert!((0.2..2.0).contains(&chi), "{chi}");
 }
