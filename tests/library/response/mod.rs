@@ -6,7 +6,7 @@ mod tables;
 use dermatome::id::{IdVec, VertexId};
 use dermatome::mesh::shapes;
 use dermatome::response::{
-    GainEstimator, Gains, ResponseError, ScaleEstimator, StepEstimator, TaxelGain,
+    Curves, GainEstimator, Gains, ResponseError, ScaleEstimator, StepEstimator, TaxelGain,
 };
 use dermatome::run::Run;
 use dermatome::signal::{Frame, Quantity, Touch, TouchOptions, TouchSimulation};
@@ -363,4 +363,47 @@ fn patches_that_no_press_joins_keep_their_ratio() {
     assert!(report.has_converged && report.patches == 2, "{report:?}");
     assert!(ratio.abs() < 0.2 && error < 0.15 && share > 0.6, "{ratio}, {error}, {share}");
     assert!((0.2..2.0).contains(&chi), "{chi}");
+}
+
+/// Frames of a recording at 20 Hz under steps of pressure, with noise, of 12 taxels of which the first `pressed` feel them.
+fn under_a_bag(
+    skin: &Skin,
+    rows: &[[f64; 2]],
+    pressed: usize,
+    clock: impl Fn(f64) -> f64,
+) -> Result<Curves, ResponseError> {
+    let mut numbers = Numbers(7);
+    let mut estimator = StepEstimator::new(skin, rows).unwrap();
+    for frame in 0..160 {
+        let time = clock(0.05 * f64::from(frame));
+        let pressure = rows.iter().rev().find(|row| row[0] <= time).map_or(0.0, |row| row[1]);
+        let mut reading = |k: usize| if k < pressed { pressure } else { 0.0 } + 50.0 * numbers.normal();
+        let values = IdVec::from(vec![vec![(0..12).map(&mut reading).collect()]]);
+        estimator.see(&Frame { time, values, ..Frame::default() });
+    }
+    estimator.solve()
+}
+
+/// What a bag does not touch reads noise, which is no pressure; however few taxels it touches, steps and readings fit.
+#[test]
+fn what_a_bag_does_not_touch_has_no_curve() {
+    let skin = forearm(4, 3);
+    let rows = [[1.0, 2e3], [2.0, 5e3], [3.0, 1e4], [4.0, 2e4], [5.0, 4e4], [6.0, 6e4], [7.0, 0.0]];
+    for pressed in [2, 4] {
+        let (curves, report) = under_a_bag(&skin, &rows, pressed, |time| time).unwrap();
+        assert!((report.exponent - 1.0).abs() < 0.02, "{report:?}");
+        for (k, curve) in curves.iter().flatten().enumerate() {
+            assert_eq!(!curve.gain.is_nan(), k < pressed, "{k} of {pressed}: {curve:?}");
+            assert!(curve.gain.is_nan() || (curve.exponent - 1.0).abs() < 0.05, "{k}: {curve:?}");
+        }
+    }
+}
+
+/// Where times begin again, a reading is of two steps.
+#[test]
+fn steps_of_a_clock_that_goes_back_are_refused() {
+    let rows = [[1.0, 2e3], [2.0, 5e3], [3.0, 1e4], [4.0, 0.0]];
+    let clock = |time: f64| if time < 5.0 { time } else { time - 5.0 };
+    let refused = under_a_bag(&forearm(4, 3), &rows, 12, clock);
+    assert_eq!(refused.err().map(|error| error.kind()), Some("step_clocks"));
 }
