@@ -12,8 +12,9 @@ use dermatome::map::SkinMap;
 use dermatome::mesh::shapes;
 use dermatome::recording::{Recording, RecordingOptions, examine};
 use dermatome::signal::{
-    Channel, ConditionOptions, FaultCounts, HealthFinding, HealthOptions, HealthReport, Quantity,
-    ReadoutOptions, Response, SignalError, TaxelState, TouchOptions, TouchSimulation, Zero,
+    Channel, ConditionOptions, FaultCounts, HealthFinding, HealthOptions, HealthReport,
+    Quantity, ReadoutOptions, Response, SignalError, TaxelState, TouchOptions,
+    TouchSimulation, Zero,
 };
 use dermatome::skin::{PatchId, Skin, TaxelId};
 
@@ -341,4 +342,23 @@ fn known_faults_of_a_real_cover_are_found() {
     let other =
         report.findings.iter().filter(|f| f.kind != TaxelState::ModuleStep && f.taxels != [TaxelId(59_282)]);
     assert!(other.count() * 200 <= report.taxels, "{:?}", report.findings);
+}
+
+/// A fifth of the skin that repeats one reading for ever is dead, unless that is what the others read at rest.
+#[test]
+fn constant_readings_are_a_fault_unless_others_rest_there() {
+    let skin = sheet();
+    let (plain, _) = record(&skin, &presses(FaultCounts::default(), 1));
+    let with = |rest: f64, constant: f64| {
+        let mut readings = plain.clone();
+        for frame in readings.values.chunks_exact_mut(144) {
+            frame.iter_mut().for_each(|x| *x = (*x + rest).max(0.0));
+            frame[..40].fill(constant);
+        }
+        let report = judge(&skin, &[readings], &HealthOptions::default()).unwrap();
+        found(&report, TaxelState::Dead).count()
+    };
+    assert_eq!(with(20_000.0, 255.0), 40, "no other taxel reads 255");
+    assert_eq!(with(-3000.0, 0.0), 0, "readings are cut off at 0, and these were not touched");
+    assert_eq!(with(-3000.0, 255.0), 40, "the others are cut off elsewhere");
 }
