@@ -12,7 +12,7 @@ use dermatome::map::SkinMap;
 use dermatome::mesh::shapes;
 use dermatome::recording::{Recording, RecordingOptions, examine};
 use dermatome::signal::{
-    Channel, ConditionOptions, FaultCounts, HealthFinding, HealthOptions, HealthReport,
+    Channel, ConditionOptions, FaultCounts, Frame, Health, HealthFinding, HealthOptions, HealthReport,
     Quantity, ReadoutOptions, Response, SignalError, TaxelState, TouchOptions,
     TouchSimulation, Zero,
 };
@@ -361,4 +361,45 @@ fn constant_readings_are_a_fault_unless_others_rest_there() {
     assert_eq!(with(20_000.0, 255.0), 40, "no other taxel reads 255");
     assert_eq!(with(-3000.0, 0.0), 0, "readings are cut off at 0, and these were not touched");
     assert_eq!(with(-3000.0, 255.0), 40, "the others are cut off elsewhere");
+}
+
+/// Where patches share ids, a module is one of each patch: both have a step, and each is a finding of its patch.
+#[test]
+fn modules_of_shared_ids_are_judged_in_each_patch() {
+    let mut skin = sheet();
+    let pose = glam::DAffine3::IDENTITY;
+    skin.links.push(dermatome::skin::Link { name: "right".into(), parent: None, pose });
+    let mut right = skin.patches[PatchId::new(0)].clone();
+    right.name = "right".into();
+    right.link = dermatome::skin::LinkId::new(1);
+    skin.patches.push(right);
+    let map = SkinMap::of_taxels(&skin);
+    let module: Vec<usize> = (5..8).flat_map(|row| (5..8).map(move |column| 12 * row + column)).collect();
+    let ids = &skin.patches[PatchId::new(0)].taxels.ids;
+    let modules = module.iter().map(|&k| (ids[VertexId::new(k)], "a".to_owned())).collect();
+    let options = HealthOptions { modules, zero: Zero::At(0.0), ..HealthOptions::default() };
+    for stepped in [[true, false], [false, true], [true, true]] {
+        let mut health = Health::new(&map, &options).unwrap();
+        for _ in 0..Health::PASSES {
+            health.begin_recording(0, std::iter::repeat_n(true, 288));
+            for number in 0..300_usize {
+                let mut frame = Frame { time: 0.04 * number as f64, ..Frame::new(&map, 1) };
+                for (patch, is_stepped) in stepped.into_iter().enumerate() {
+                    let values = &mut frame.values[PatchId::new(patch)][0];
+                    for (k, x) in values.iter_mut().enumerate() {
+                        let step = if is_stepped && module.contains(&k) { 2e4 } else { 0.0 };
+                        *x = step + (((number * 288 + 144 * patch + k) * 7919) % 1009) as f64 - 504.0;
+                    }
+                }
+                health.see(&frame);
+            }
+            health.end_recording();
+            health.end_pass();
+        }
+        let report = health.report();
+        let patches: Vec<usize> =
+            found(&report, TaxelState::ModuleStep).map(|finding| finding.patch.index()).collect();
+        let expected: Vec<usize> = (0..2).filter(|&patch| stepped[patch]).collect();
+        assert_eq!(patches, expected, "{:?}", report.findings);
+    }
 }
