@@ -406,3 +406,25 @@ fn bodies_press_all_patches_of_their_link() {
         assert_eq!(both > 10, links == 1, "{both} frames on both patches of {links} links");
     }
 }
+
+/// A response names an id once: of taxels of one id that differ no number is known, and a fault of one is a fault.
+#[test]
+fn the_true_response_of_shared_ids_has_what_they_share() {
+    let mut skin = side_by_side(2);
+    let ids = skin.patches[PatchId::new(0)].taxels.ids.clone();
+    skin.patches[PatchId::new(1)].taxels.ids = ids;
+    let faults = FaultCounts::default().with(TaxelState::Dead, 3);
+    let readout = |gain_spread| ReadoutOptions { gain_spread, faults, ..ReadoutOptions::default() };
+    for spread in [0.0, 0.3] {
+        let options = TouchOptions {
+            readout: readout(spread),
+            quantity: Quantity::Intensive,
+            ..TouchOptions::default()
+        };
+        let simulation = TouchSimulation::new(&skin, &options).unwrap();
+        let taxels = &simulation.response().taxels;
+        assert_eq!(taxels.len(), 144);
+        assert_eq!(taxels.iter().filter(|taxel| taxel.state == TaxelState::Dead).count(), 3);
+        assert!(taxels.iter().all(|taxel| taxel.gain.is_some() == (spread == 0.0) && taxel.zero.is_some()));
+    }
+}

@@ -62,6 +62,19 @@ impl TaxelResponse {
         let state = TaxelState::Untested;
         Self { taxel, zero: None, gain: None, exponent: None, drift: None, sigma: None, state, other: None }
     }
+
+    /// Adds what is known of another taxel with its id: numbers that differ are not known, and the heavier state counts.
+    pub(in crate::signal) fn join(&mut self, other: &Self) {
+        let same = |a: Option<f64>, b: Option<f64>| a.filter(|_| a == b);
+        self.zero = same(self.zero, other.zero);
+        self.gain = same(self.gain, other.gain);
+        self.exponent = same(self.exponent, other.exponent);
+        self.drift = same(self.drift, other.drift);
+        self.sigma = same(self.sigma, other.sigma);
+        if other.state > self.state {
+            (self.state, self.other) = (other.state, other.other);
+        }
+    }
 }
 
 /// Whether the readings of a taxel can be trusted, and otherwise its fault; in the order of their weight.
