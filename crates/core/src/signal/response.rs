@@ -7,6 +7,8 @@ use crate::skin::TaxelId;
 pub struct Response {
     /// Unit of the readings that it is of, as `count`; empty if unknown.
     pub unit: String,
+    /// The channel of the readings that it is of; empty if unknown. Of readings that have it no other one becomes a pressure.
+    pub channel: String,
     /// What its gains are relative to; `None` where no gain is estimated, or nothing is stated.
     pub scale: Option<Scale>,
     /// How it was found, in words; empty if unknown.
