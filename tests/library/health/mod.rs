@@ -13,7 +13,7 @@ use dermatome::mesh::shapes;
 use dermatome::recording::{Recording, RecordingOptions, examine};
 use dermatome::signal::{
     Channel, ConditionOptions, FaultCounts, Frame, Health, HealthFinding, HealthOptions, HealthReport,
-    Quantity, ReadoutOptions, Response, SignalError, TaxelState, TouchOptions,
+    Quantity, ReadoutOptions, Response, Scale, SignalError, TaxelResponse, TaxelState, TouchOptions,
     TouchSimulation, Zero,
 };
 use dermatome::skin::{PatchId, Skin, TaxelId};
@@ -401,5 +401,44 @@ fn modules_of_shared_ids_are_judged_in_each_patch() {
             found(&report, TaxelState::ModuleStep).map(|finding| finding.patch.index()).collect();
         let expected: Vec<usize> = (0..2).filter(|&patch| stepped[patch]).collect();
         assert_eq!(patches, expected, "{:?}", report.findings);
+    }
+}
+
+/// A response with exponents accuses nobody, whatever the zeros of raw readings are.
+#[test]
+fn curves_accuse_no_taxel() {
+    let skin = sheet();
+    let (plain, _) = record(&skin, &presses(FaultCounts::default(), 3));
+    let map = Arc::new(SkinMap::of_taxels(&skin));
+    let ids: Vec<TaxelId> = skin.patches.iter().flat_map(|patch| patch.taxels.ids.iter().copied()).collect();
+    for (sign, exponent) in [(1.0, 1.0), (-1.0, 1.0), (1.0, 1.3), (-1.0, 0.8)] {
+        // Readings to the exponent are pressures.
+        let read = |x: f64| 5e3 * (x.abs() / 1e4).powf(f64::recip(exponent)) * x.signum();
+        let values = plain.values.iter().map(|&x| 2e4 + sign * read(x)).collect();
+        let channels = vec![Channel::new("raw", "count").unwrap()];
+        let readings = Readings { channels, values, ..plain.clone() };
+        let taxel = |&id: &TaxelId| TaxelResponse {
+            gain: Some(sign * 1e4 * 5e3_f64.powf(-exponent)),
+            exponent: Some(exponent),
+            ..TaxelResponse::unknown(id)
+        };
+        let response = Response {
+            unit: "count".into(),
+            scale: Some(Scale::Pascals),
+            taxels: ids.iter().map(taxel).collect(),
+            ..Response::default()
+        };
+        // Zeros are followed where touches raise readings.
+        let zero = if sign < 0.0 { Zero::At(2e4) } else { Zero::Follow };
+        let options = HealthOptions { zero, ..HealthOptions::default() };
+        let report = examine(&map, &options, 1, |_, zero| {
+            let condition =
+                ConditionOptions { zero, response: Some(response.clone()), ..ConditionOptions::default() };
+            let options = RecordingOptions { condition, ..RecordingOptions::default() };
+            Ok::<_, Error>(Recording::open(&map, ReadingsReader::memory(readings.clone())?, &options)?)
+        })
+        .unwrap();
+        assert_eq!(report.findings, [], "gain {sign}, exponent {exponent}");
+        assert!(report.tested > 130, "gain {sign}, exponent {exponent}: {} tested", report.tested);
     }
 }

@@ -22,6 +22,18 @@ impl Response {
     pub fn has_gains(&self) -> bool {
         self.taxels.iter().any(|taxel| taxel.gain.is_some())
     }
+
+    /// It with lines for curves: that of each taxel with an exponent goes through its reading at this pressure, in Pa or
+    /// relative. So readings less any zero, or none, are proportional to those of the line.
+    #[must_use]
+    pub fn linear_at(&self, pressure: f64) -> Self {
+        let line = |taxel: &TaxelResponse| {
+            let (Some(gain), Some(exponent)) = (taxel.gain, taxel.exponent) else { return *taxel };
+            let slope = pressure * (gain.abs() / pressure).powf(exponent.recip());
+            TaxelResponse { gain: Some(slope * gain.signum()), exponent: None, ..*taxel }
+        };
+        Self { taxels: self.taxels.iter().map(line).collect(), ..self.clone() }
+    }
 }
 
 /// What gains are relative to.
