@@ -456,6 +456,6 @@ fn pictures_of_each_channel_have_its_colours() {
     dermatome(folder.path(), "render map/map.glb two.csv -o png --pictures png --level 0")
         .assert()
         .success()
-        .stderr(contains("the colours of pressure go from 0.0000 to 5400.0000"))
+        .stderr(contains("the colours of pressure go from 0.0000 to 5300.0000"))
         .stderr(contains("the colours of temp go from 30.0000 to 32.0000"));
 }
