@@ -436,3 +436,26 @@ fn a_recording_with_its_sensors_becomes_images() {
     let stated = plain["statements"].as_array().unwrap();
     assert!(stated.iter().any(|s| s["what"] == "zero" && s["source"] == "argument"), "{stated:?}");
 }
+
+/// Colours are of one channel each, from numbers of two digits around its values.
+#[test]
+fn pictures_of_each_channel_have_its_colours() {
+    let folder = sheet();
+    let ids: Vec<u32> = (1..=120).collect();
+    let names: Vec<String> =
+        ids.iter().flat_map(|id| [format!("{id}.pressure[Pa]"), format!("{id}.temp[degC]")]).collect();
+    let mut text = format!("time,{}\n", names.join(","));
+    for t in 0..2 {
+        let row: Vec<String> = ids
+            .iter()
+            .flat_map(|id| [format!("{}", 45 * id), format!("{}", 30.0 + 0.01 * f64::from(*id))])
+            .collect();
+        writeln!(text, "{},{}", 0.1 * f64::from(t), row.join(",")).unwrap();
+    }
+    fs::write(folder.path().join("two.csv"), text).unwrap();
+    dermatome(folder.path(), "render map/map.glb two.csv -o png --pictures png --level 0")
+        .assert()
+        .success()
+        .stderr(contains("the colours of pressure go from 0.0000 to 5300.0000"))
+        .stderr(contains("the colours of temp go from 30.0000 to 32.0000"));
+}

@@ -214,3 +214,30 @@ fn counts_that_begin_under_load_are_named() {
     );
     assert_eq!(options.unwrap().tracker_options(0).rest, Rest::Learned);
 }
+
+/// A force becomes the pressure of its name, unless there is one already; a response that names a channel is of this one.
+#[test]
+fn pressures_keep_the_names_apart() {
+    let map = sheet();
+    let names = |names: [&str; 3], of: &str| {
+        let channels = names.map(|name| Channel::new(name, "count").unwrap()).to_vec();
+        let response = Response { channel: of.into(), ..response("count") };
+        let options = ConditionOptions { response: Some(response), ..ConditionOptions::default() };
+        let readings = Readings { channels, ..readings(["count"; 3]) };
+        let reader = ReadingsReader::memory(readings).unwrap();
+        let options = RecordingOptions { condition: options, ..RecordingOptions::default() };
+        let recording = Recording::open(&map, reader, &options).unwrap();
+        recording
+            .channels()
+            .iter()
+            .map(|channel| format!("{}[{}]", channel.name, channel.unit))
+            .collect::<Vec<_>>()
+    };
+    assert_eq!(
+        names(["force1", "force2", "force.x"], ""),
+        ["pressure1[Pa]", "pressure2[Pa]", "force.x[count]"]
+    );
+    assert_eq!(names(["force", "pressure", "other"], ""), ["force[Pa]", "pressure[Pa]", "other[Pa]"]);
+    assert_eq!(names(["pdc", "force", "pac"], "pac"), ["pdc[count]", "force[count]", "pac[Pa]"]);
+    assert_eq!(names(["pdc", "force", "pac"], "none"), ["pdc[Pa]", "pressure[Pa]", "pac[Pa]"]);
+}

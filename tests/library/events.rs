@@ -504,3 +504,29 @@ fn words_of_many_presses() {
         assert_eq!((tap + press + stroke, wrong), (20, 0), "{words:?}");
     }
 }
+
+/// What comes after missing frames begins after them, also where it presses from their first frame on.
+#[test]
+fn contacts_after_missing_frames_begin_after_them() {
+    let map = plane();
+    let options = TrackerOptions { threshold: Some(1000.0), ..TrackerOptions::default() };
+    let mut tracker = ContactTracker::new(&map, &Channel::new("pressure", "Pa").unwrap(), &options).unwrap();
+    let mut detector = EventDetector::new(&map, EventOptions::default()).unwrap();
+    let mut events = Vec::new();
+    let before = (0..150).map(|k| (0.02 * f64::from(k), 0.0));
+    let ramp = |k: i32| if k < 125 { (0.1 + 0.012 * f64::from(k)).min(1.0).powi(2) } else { 0.0 };
+    for (time, share) in before.chain((0..200).map(|k| (100.0 + 0.02 * f64::from(k), ramp(k)))) {
+        let mut frame = Frame { time, ..Frame::new(&map, 1) };
+        let values = &mut frame.values[PatchId::new(0)][0];
+        values.iter_mut().for_each(|x| *x = 0.0);
+        (10..15).flat_map(|row| (10..15).map(move |column| 30 * row + column)).for_each(|taxel| {
+            values[VertexId::new(taxel)] = 4e5 * share;
+        });
+        tracker.track(&frame);
+        events.extend_from_slice(detector.see(time, &tracker).unwrap());
+    }
+    events.extend_from_slice(detector.finish());
+    let contacts: Vec<_> = events.iter().filter(|event| event.word != Word::Gap).collect();
+    assert!(contacts.len() >= 2, "{events:?}");
+    assert!(contacts.iter().all(|event| event.begin >= 100.0), "{contacts:?}");
+}

@@ -10,8 +10,8 @@ use dermatome::pipeline::{BuildOptions, build};
 use dermatome::pyramid::LevelId;
 use dermatome::recording::{Recording, RecordingOptions};
 use dermatome::signal::{
-    Channel, ContactTracker, Duplicates, Frame, Probe, Quantity, ReadoutOptions, Touch, TouchOptions,
-    TouchShape, TouchSimulation, TrackerOptions,
+    Channel, ConditionOptions, ContactTracker, Duplicates, Frame, Group, Probe, Quantity, ReadoutOptions,
+    Touch, TouchOptions, TouchShape, TouchSimulation, TrackerOptions, Zero,
 };
 use dermatome::skin::{AssembleOptions, PatchId, Skin, assemble};
 use glam::DVec2;
@@ -233,4 +233,39 @@ fn shapes_sizes_and_distances_are_counted() {
         }
     }
     assert!(missed.is_empty(), "{missed:?}");
+}
+
+/// Readings that are at zero at rest stay what they are, with fingers as without: a finger that presses from the first frame on
+/// is neither noise nor zero, and has all of its impulse.
+#[test]
+fn fingers_of_readings_at_zero_have_all_of_their_impulse() {
+    let map = Arc::new(SkinMap::flat(shapes::lattice(20, 20, 0.00726), 1e-3));
+    let positions = map.patches[PatchId::new(0)].levels[LevelId::new(0)].level.mesh.positions.clone();
+    let middle = positions[VertexId::new(10 * 20 + 10)];
+    let pressed: Vec<bool> = positions.iter().map(|x| x.distance(middle) < 0.012).collect();
+    let noise = |k: usize| ((k * 7919) % 601) as f64 - 300.0;
+    let width = pressed.len();
+    let readings = Readings {
+        channels: vec![Channel::new("pressure", "Pa").unwrap()],
+        width,
+        times: (0..200).map(|k| 0.05 * f64::from(k)).collect(),
+        values: (0..200 * width)
+            .map(|k| noise(k) + if pressed[k % width] && k / width < 150 { 3e4 } else { 0.0 })
+            .collect(),
+        ..Readings::default()
+    };
+    let impulse = |probe: Probe| {
+        let condition = ConditionOptions { zero: Zero::At(0.0), ..ConditionOptions::default() };
+        let options = RecordingOptions { condition, ..RecordingOptions::default() };
+        let reader = ReadingsReader::memory(readings.clone()).unwrap();
+        let mut recording = Recording::open(&map, reader, &options).unwrap();
+        let options = TrackerOptions { probe, low: probe.low(), ..recording.tracker_options(0) };
+        recording.summarise(&options).unwrap();
+        while recording.next_step().unwrap().is_some() {}
+        let summary = recording.summary().unwrap();
+        let whole = summary.totals().find(|(group, _)| *group == Group::Whole).unwrap();
+        whole.1.impulse.unwrap()
+    };
+    let [any, finger] = [Probe::Any, Probe::Finger].map(impulse);
+    assert!(any > 1.0 && (finger / any - 1.0).abs() < 0.05, "{any} N s, {finger} N s of a finger");
 }

@@ -336,8 +336,13 @@ fn responses_are_read_back() {
         other: Some(TaxelId(9)),
     };
     let taxels = vec![full, TaxelResponse::unknown(TaxelId(9))];
-    let response =
-        Response { unit: "count".into(), scale: Some(Scale::Relative), method: "presses".into(), taxels };
+    let response = Response {
+        unit: "count".into(),
+        channel: "pdc".into(),
+        scale: Some(Scale::Relative),
+        method: "presses".into(),
+        taxels,
+    };
     write_response(path.as_path(), &response).unwrap();
     let text = fs::read_to_string(&path).unwrap();
     assert!(text.contains("# scale: relative\n") && text.ends_with("9,,,,,,untested,\n"), "{text}");

@@ -97,3 +97,39 @@ fn the_command_writes_a_page_next_to_the_map() {
     report(&["-o", "map.glb"]).failure();
     report(&["--channel", "force"]).failure();
 }
+
+/// A first step that is a gap is a cut, as the events of the page say too: the recording is read ahead.
+#[test]
+fn a_gap_after_the_first_frame_is_a_cut() {
+    let map = Arc::new(palm("palm"));
+    let times: Vec<f64> = [0.0].into_iter().chain((0..50).map(|k| 30.0 + 0.1 * f64::from(k))).collect();
+    let readings = Readings {
+        channels: vec![Channel::new("force", "N").unwrap()],
+        width: 169,
+        values: (0..times.len() * 169).map(|k| ((k * 7919) % 101) as f64).collect(),
+        times,
+        ..Readings::default()
+    };
+    let (page, played) = play(&map, ReadingsReader::memory(readings).unwrap());
+    played.unwrap();
+    let recording = &header(&page.to_html().unwrap())["recording"];
+    let words: Vec<&str> =
+        recording["events"].as_array().unwrap().iter().filter_map(|event| event["word"].as_str()).collect();
+    assert_eq!(recording["cuts"], serde_json::json!([1]));
+    assert!(words.contains(&"gap"), "{words:?}");
+}
+
+/// What the data of a page begin with.
+fn header(html: &str) -> serde_json::Value {
+    use base64::{Engine as _, engine::general_purpose::STANDARD};
+    use std::io::Read;
+    let data = html.split(['<', '>']).max_by_key(|text| {
+        let is_packed = text.bytes().all(|b| b.is_ascii_alphanumeric() || b"+/=".contains(&b));
+        if is_packed { text.len() } else { 0 }
+    });
+    let packed = STANDARD.decode(data.unwrap()).unwrap();
+    let mut bytes = Vec::new();
+    flate2::read::GzDecoder::new(&packed[..]).read_to_end(&mut bytes).unwrap();
+    let length = u32::from_le_bytes(bytes[..4].try_into().unwrap()) as usize;
+    serde_json::from_slice(&bytes[4..4 + length]).unwrap()
+}

@@ -1,10 +1,12 @@
 //! Laws of pictures of readings: values are read off one scale, and what is not known is not zero.
 
 use crate::maps::{level_id, skin, square_pyramid};
+use dermatome::body::FieldLevel;
 use dermatome::id::VertexId;
 use dermatome::map::SkinMap;
+use dermatome::pipeline::{BuildOptions, build};
 use dermatome::plot::{Picture, PlotError, PlotOptions, Viewpoint, plot_frame};
-use dermatome::signal::{Channel, Frame, LevelFrame, Restrictor};
+use dermatome::signal::{CarryDown, Channel, Frame, LevelFrame, Restrictor};
 use dermatome::skin::PatchId;
 
 fn palm() -> SkinMap {
@@ -132,5 +134,32 @@ fn ranges_are_round_and_hold_the_values() {
         let frame = on_levels(&map, &channel, |_| x);
         let svg = draw(&map, &frame, &channel, &options).unwrap().to_svg();
         assert!(!svg.contains("no reading"), "{x} is on the scale");
+    }
+}
+
+/// Each panel of a level of the whole body says what is on its patch: fields that have taxels of it, and the sum on these.
+#[test]
+fn levels_of_the_whole_body_say_what_is_on_each_patch() {
+    let skin = crate::body::gapped(0.012);
+    let map = build(&skin, &BuildOptions::default()).unwrap();
+    let force = Channel::new("force", "N").unwrap();
+    let mut frame = Frame::new(&map, 1);
+    for (values, x) in frame.values.iter_mut().zip([0.25, 2.0]) {
+        values[0].iter_mut().for_each(|value| *value = x);
+    }
+    let at = FieldLevel { modality: None, level: level_id(0) };
+    let mut restrictor = Restrictor::new(&map, std::slice::from_ref(&force));
+    let frame = restrictor.restrict(&frame).clone();
+    let down = CarryDown::new(&map, at);
+    let fields = [0, 1].map(|patch| down.fields_of(PatchId::new(patch)).len());
+    let options = PlotOptions { field_levels: vec![at], ..PlotOptions::default() };
+    let svg = draw(&map, &frame, &force, &options).unwrap().to_svg();
+    let totals: Vec<f64> =
+        svg.split("total ").skip(1).map(|text| text.split(' ').next().unwrap().parse().unwrap()).collect();
+    assert_eq!(totals.len(), 2, "{svg}");
+    assert!((totals.iter().sum::<f64>() - 67.5).abs() < 0.5, "{totals:?}");
+    assert!(totals[0] < 0.5 * totals[1], "{totals:?}");
+    for count in fields {
+        assert!(svg.contains(&format!("{count} fields")), "{fields:?}");
     }
 }

@@ -8,7 +8,7 @@ use dermatome::signal::{
     FaultCounts, Frame, Quantity, ReadoutOptions, Scale, SignalError, TaxelState, Touch, TouchOptions,
     TouchSimulation,
 };
-use dermatome::skin::{PatchId, Presence, Skin, TaxelId};
+use dermatome::skin::{LinkId, PatchId, Presence, Skin, TaxelId};
 use glam::DVec3;
 
 fn record(skin: &Skin, options: &TouchOptions) -> Vec<(Frame, Option<Touch>)> {
@@ -361,5 +361,70 @@ fn forces_are_the_pressure_over_the_skin() {
             }
         }
         assert!((most[1] / most[0] - 1.0).abs() < 0.01, "bent {is_bent}: {most:?} N");
+    }
+}
+
+/// Two sheets of a link with one taxel distance between them, or on two links.
+fn side_by_side(links: usize) -> Skin {
+    let mut skin = Skin::from_mesh("a", shapes::lattice(12, 12, 0.004));
+    for number in 1..links {
+        let pose = glam::DAffine3::IDENTITY;
+        skin.links.push(dermatome::skin::Link { name: format!("l{number}"), parent: None, pose });
+    }
+    let mut mesh = shapes::lattice(12, 12, 0.004);
+    mesh.positions.iter_mut().for_each(|x| x.x += 0.048);
+    let mut patch = dermatome::skin::Patch::from_mesh("b", LinkId::new(links - 1), mesh);
+    patch.taxels.ids.iter_mut().for_each(|id| id.0 += 144);
+    skin.patches.push(patch);
+    skin
+}
+
+/// A body over two patches of one link presses both, and its force is that on both; those of another link are elsewhere.
+#[test]
+fn bodies_press_all_patches_of_their_link() {
+    let options = TouchOptions {
+        radii: vec![0.03],
+        presses: 20,
+        quantity: Quantity::Intensive,
+        rate: 20.0,
+        ..TouchOptions::default()
+    };
+    for links in [1, 2] {
+        let skin = side_by_side(links);
+        let mut both = 0;
+        for (frame, touch) in record(&skin, &options) {
+            let sums = [0, 1].map(|k| frame.values[PatchId::new(k)][0].iter().sum::<f64>());
+            both += usize::from(sums.iter().all(|sum| *sum > 0.0));
+            let Some(touch) = touch else { continue };
+            let felt = frame.values.iter().flatten().flatten().filter(|x| **x > 0.0).count();
+            assert_eq!(touch.taxels, felt, "{links} links");
+            let areas = skin.patches.iter().flat_map(|patch| &patch.taxels.areas);
+            let pressures = frame.values.iter().flat_map(|patch| &patch[0]);
+            let force: f64 = pressures.zip(areas).map(|(pressure, area)| pressure * area).sum();
+            assert!(felt < 20 || (touch.force / force - 1.0).abs() < 0.2, "{} N, {force} N", touch.force);
+        }
+        assert_eq!(both > 10, links == 1, "{both} frames on both patches of {links} links");
+    }
+}
+
+/// A response names an id once: of taxels of one id that differ no number is known, and a fault of one is a fault.
+#[test]
+fn the_true_response_of_shared_ids_has_what_they_share() {
+    let mut skin = side_by_side(2);
+    let ids = skin.patches[PatchId::new(0)].taxels.ids.clone();
+    skin.patches[PatchId::new(1)].taxels.ids = ids;
+    let faults = FaultCounts::default().with(TaxelState::Dead, 3);
+    let readout = |gain_spread| ReadoutOptions { gain_spread, faults, ..ReadoutOptions::default() };
+    for spread in [0.0, 0.3] {
+        let options = TouchOptions {
+            readout: readout(spread),
+            quantity: Quantity::Intensive,
+            ..TouchOptions::default()
+        };
+        let simulation = TouchSimulation::new(&skin, &options).unwrap();
+        let taxels = &simulation.response().taxels;
+        assert_eq!(taxels.len(), 144);
+        assert_eq!(taxels.iter().filter(|taxel| taxel.state == TaxelState::Dead).count(), 3);
+        assert!(taxels.iter().all(|taxel| taxel.gain.is_some() == (spread == 0.0) && taxel.zero.is_some()));
     }
 }

@@ -106,7 +106,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         print_gaps(&gaps)?;
     } else {
         let of_skin: String = findings.iter().map(|f| sentence(f, &draft)).collect();
-        let of_recordings = health.as_ref().map(|(report, _)| sentences(report));
+        let of_recordings = health.as_ref().map(|(report, skin)| sentences(report, skin));
         let of_recordings = of_recordings.or(order.as_ref().map(|(order, _)| order::sentence(order)));
         print(&(of_skin + &of_recordings.unwrap_or_default()))?;
         print_gaps(&gaps)?;

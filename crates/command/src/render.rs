@@ -13,6 +13,7 @@ use dermatome::atlas::{Atlas, AtlasOptions, AtlasPart, Pack, Resolution};
 use dermatome::body::FieldLevel;
 use dermatome::io::{Statement, share_plane};
 use dermatome::map::SkinMap;
+use dermatome::plot::colour_range;
 use dermatome::pyramid::LevelId;
 use dermatome::recording::{Carried, Recording, RecordingReport};
 use dermatome::signal::Channel;
@@ -20,7 +21,7 @@ use serde_json::{Map, Value, json};
 
 use crate::console::errors::advise;
 use crate::console::notes::note;
-use crate::console::print::print_json;
+use crate::console::print::{plain, print_json};
 use crate::files::input::read_map_first;
 use crate::files::outputs::{self, is_read_once, is_stream};
 use crate::options::{
@@ -151,18 +152,27 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         fields,
         has_static: images.is_static,
     };
-    let mut colours = args.colours.clone();
-    if kind == ImagesKind::Folder(Pictures::Png) && colours.range.is_none() {
-        let range = range_of_images(args, &map, &shown, common)?;
-        note!(
-            common,
-            "the colours go from {:.4} to {:.4}, as the values do; --range LOW,HIGH sets them",
-            range[0],
-            range[1]
-        );
-        colours.range = Some(range);
-    }
-    let mut output = Output::open(&args.output, kind, &colours, &content, &common.outputs)?;
+    let ranges = match args.colours.range {
+        Some(range) => vec![range; channels.len()],
+        None if kind == ImagesKind::Folder(Pictures::Png) => {
+            let ranges = ranges_of_images(args, &map, &shown, common)?;
+            let number = |x: f64| {
+                if x == 0.0 || x.abs() >= 1e-3 { format!("{x:.4}") } else { format!("{x:.1e}") }
+            };
+            for (channel, range) in channels.iter().zip(&ranges) {
+                let [low, high] = range.map(number);
+                let of =
+                    if channels.len() > 1 { format!(" of {}", plain(&channel.name)) } else { String::new() };
+                note!(
+                    common,
+                    "the colours{of} go from {low} to {high}, around the values; --range LOW,HIGH sets them"
+                );
+            }
+            ranges
+        }
+        None => Vec::new(),
+    };
+    let mut output = Output::open(&args.output, kind, &ranges, &content, &common.outputs)?;
     let mut contacts = args.contacts.open(&map, &mut recording, &args.events, common)?;
     let mut events = args.events.open(&map, common)?;
     let has_episodes = recording.episodes() > 1;
@@ -236,25 +246,29 @@ fn carry(recording: &mut Recording, images: &ImageArgs, shown: &Shown<'_>) -> an
     Ok(())
 }
 
-/// The least and the largest value of all images of a recording, which is read once more.
-fn range_of_images(
+/// The colour scale of each channel around the values of all images of a recording, which is read once more.
+fn ranges_of_images(
     args: &Args,
     map: &Arc<SkinMap>,
     shown: &Shown<'_>,
     common: &Common,
-) -> anyhow::Result<[f64; 2]> {
+) -> anyhow::Result<Vec<[f64; 2]>> {
     let common = Common { quiet: true, ..common.clone() };
     let mut recording = args.readings_args.open(args.frames.range()?, &args.readings, map, &common)?;
     carry(&mut recording, &args.images, shown)?;
     recording.draw(shown.atlas)?;
-    let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
+    let mut extremes = vec![[f64::INFINITY, f64::NEG_INFINITY]; recording.level_channels().len()];
     while let Some(step) = recording.next_step()? {
-        for value in step.images.iter().flat_map(|image| &image.values).filter(|value| value.is_finite()) {
-            (low, high) = (low.min(*value), high.max(*value));
+        for image in step.images {
+            let of_channels = image.values.chunks_exact(image.coverage.len().max(1));
+            for ([low, high], values) in extremes.iter_mut().zip(of_channels) {
+                for value in values.iter().filter(|value| value.is_finite()).map(|value| f64::from(*value)) {
+                    (*low, *high) = (low.min(value), high.max(value));
+                }
+            }
         }
     }
-    // One value alone, or none, has a colour too.
-    Ok(if low < high { [low, high] } else { [0.0, if high > 0.0 { high } else { 1.0 }] }.map(f64::from))
+    Ok(extremes.into_iter().map(|extremes| colour_range(extremes, 1.0)).collect())
 }
 
 impl Args {

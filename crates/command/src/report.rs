@@ -11,6 +11,7 @@ use dermatome::Error;
 use dermatome::io::{IoError, read_map};
 use dermatome::map::SkinMap;
 use dermatome::page::{LiveServer, Page};
+use dermatome::recording::Recording;
 
 use crate::console::notes::note;
 use crate::console::print::{plain, print};
@@ -109,6 +110,7 @@ fn serve(args: &Args, map: &Arc<SkinMap>, page: Page<'_>, common: &Common) -> an
     let server = LiveServer::start(html).context("cannot serve the page to this machine")?;
     print(&format!("{}\n", server.address()))?;
     remark_join(&recording, path, common);
+    remark_shown(args, &recording, shown, common);
     let ended = loop {
         match recording.next_step() {
             Ok(Some(step)) => server.show(frames.next(&step).map_err(Error::from)?),
@@ -146,6 +148,12 @@ fn record(
     args.frames.check_any(&recording.report())?;
     args.readings_args.remark(&recording, common);
     args.touch.remark(&recording, shown, common);
+    remark_shown(args, &recording, shown, common);
+    Ok(Ok(()))
+}
+
+/// Says which of several channels the page shows, unless one was named.
+fn remark_shown(args: &Args, recording: &Recording, shown: usize, common: &Common) {
     let channels = recording.channels();
     if channels.len() > 1 && args.channel.is_none() {
         let count = channels.len();
@@ -155,7 +163,6 @@ fn record(
             plain(&channels[shown].name)
         );
     }
-    Ok(Ok(()))
 }
 
 /// `forearm` for `forearm.map/map.glb` and for `forearm.glb`.

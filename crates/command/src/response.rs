@@ -17,7 +17,7 @@ use crate::console::notes::{note, note_columns, note_count};
 use crate::files::input::{read_map_if_any, read_skin};
 use crate::files::outputs::{self, is_stream};
 use crate::options::{Common, InPath, OutFile, PatchArgs, ReadArgs};
-use crate::readings::{ReadingsArgs, remark_join};
+use crate::readings::{ReadingsArgs, remark_channel, remark_join};
 
 /// Estimate how readings become pressures.
 ///
@@ -106,6 +106,7 @@ fn estimate(
         let path: &Path = &args.readings[number];
         let recording = reading.open_with(response.cloned(), FrameRange::default(), path, map, common)?;
         remark_join(&recording, path, common);
+        remark_channel(recording.channels(), path, common);
         Ok(recording)
     };
     let ended = |recording: &Recording| reading.remark(recording, common);
@@ -124,6 +125,13 @@ fn estimate(
                 let path = args.readings[recording].display();
                 note_count(common, report.spikes as u64, "readings", "left out as spikes");
                 note!(common, "the first spike is that of taxel {taxel} in frame {frame} of {path}");
+            }
+            if report.patches > 1 {
+                note!(
+                    common,
+                    "no press joins two of the {} patches: how their gains compare follows from presses alike deep on all",
+                    report.patches
+                );
             }
             if !report.has_converged {
                 note!(common, "the steps did not become small: gains may be worse than their sigma");

@@ -12,8 +12,9 @@ use dermatome::map::SkinMap;
 use dermatome::mesh::shapes;
 use dermatome::recording::{Recording, RecordingOptions, examine};
 use dermatome::signal::{
-    Channel, ConditionOptions, FaultCounts, HealthFinding, HealthOptions, HealthReport, Quantity,
-    ReadoutOptions, Response, SignalError, TaxelState, TouchOptions, TouchSimulation, Zero,
+    Channel, ConditionOptions, FaultCounts, Frame, Health, HealthFinding, HealthOptions, HealthReport,
+    Quantity, ReadoutOptions, Response, Scale, SignalError, TaxelResponse, TaxelState, TouchOptions,
+    TouchSimulation, Zero,
 };
 use dermatome::skin::{PatchId, Skin, TaxelId};
 
@@ -341,4 +342,103 @@ fn known_faults_of_a_real_cover_are_found() {
     let other =
         report.findings.iter().filter(|f| f.kind != TaxelState::ModuleStep && f.taxels != [TaxelId(59_282)]);
     assert!(other.count() * 200 <= report.taxels, "{:?}", report.findings);
+}
+
+/// A fifth of the skin that repeats one reading for ever is dead, unless that is what the others read at rest.
+#[test]
+fn constant_readings_are_a_fault_unless_others_rest_there() {
+    let skin = sheet();
+    let (plain, _) = record(&skin, &presses(FaultCounts::default(), 1));
+    let with = |rest: f64, constant: f64| {
+        let mut readings = plain.clone();
+        for frame in readings.values.chunks_exact_mut(144) {
+            frame.iter_mut().for_each(|x| *x = (*x + rest).max(0.0));
+            frame[..40].fill(constant);
+        }
+        let report = judge(&skin, &[readings], &HealthOptions::default()).unwrap();
+        found(&report, TaxelState::Dead).count()
+    };
+    assert_eq!(with(20_000.0, 255.0), 40, "no other taxel reads 255");
+    assert_eq!(with(-3000.0, 0.0), 0, "readings are cut off at 0, and these were not touched");
+    assert_eq!(with(-3000.0, 255.0), 40, "the others are cut off elsewhere");
+}
+
+/// Where patches share ids, a module is one of each patch: both have a step, and each is a finding of its patch.
+#[test]
+fn modules_of_shared_ids_are_judged_in_each_patch() {
+    let mut skin = sheet();
+    let pose = glam::DAffine3::IDENTITY;
+    skin.links.push(dermatome::skin::Link { name: "right".into(), parent: None, pose });
+    let mut right = skin.patches[PatchId::new(0)].clone();
+    right.name = "right".into();
+    right.link = dermatome::skin::LinkId::new(1);
+    skin.patches.push(right);
+    let map = SkinMap::of_taxels(&skin);
+    let module: Vec<usize> = (5..8).flat_map(|row| (5..8).map(move |column| 12 * row + column)).collect();
+    let ids = &skin.patches[PatchId::new(0)].taxels.ids;
+    let modules = module.iter().map(|&k| (ids[VertexId::new(k)], "a".to_owned())).collect();
+    let options = HealthOptions { modules, zero: Zero::At(0.0), ..HealthOptions::default() };
+    for stepped in [[true, false], [false, true], [true, true]] {
+        let mut health = Health::new(&map, &options).unwrap();
+        for _ in 0..Health::PASSES {
+            health.begin_recording(0, std::iter::repeat_n(true, 288));
+            for number in 0..300_usize {
+                let mut frame = Frame { time: 0.04 * number as f64, ..Frame::new(&map, 1) };
+                for (patch, is_stepped) in stepped.into_iter().enumerate() {
+                    let values = &mut frame.values[PatchId::new(patch)][0];
+                    for (k, x) in values.iter_mut().enumerate() {
+                        let step = if is_stepped && module.contains(&k) { 2e4 } else { 0.0 };
+                        *x = step + (((number * 288 + 144 * patch + k) * 7919) % 1009) as f64 - 504.0;
+                    }
+                }
+                health.see(&frame);
+            }
+            health.end_recording();
+            health.end_pass();
+        }
+        let report = health.report();
+        let patches: Vec<usize> =
+            found(&report, TaxelState::ModuleStep).map(|finding| finding.patch.index()).collect();
+        let expected: Vec<usize> = (0..2).filter(|&patch| stepped[patch]).collect();
+        assert_eq!(patches, expected, "{:?}", report.findings);
+    }
+}
+
+/// A response with exponents accuses nobody, whatever the zeros of raw readings are.
+#[test]
+fn curves_accuse_no_taxel() {
+    let skin = sheet();
+    let (plain, _) = record(&skin, &presses(FaultCounts::default(), 3));
+    let map = Arc::new(SkinMap::of_taxels(&skin));
+    let ids: Vec<TaxelId> = skin.patches.iter().flat_map(|patch| patch.taxels.ids.iter().copied()).collect();
+    for (sign, exponent) in [(1.0, 1.0), (-1.0, 1.0), (1.0, 1.3), (-1.0, 0.8)] {
+        // Readings to the exponent are pressures.
+        let read = |x: f64| 5e3 * (x.abs() / 1e4).powf(f64::recip(exponent)) * x.signum();
+        let values = plain.values.iter().map(|&x| 2e4 + sign * read(x)).collect();
+        let channels = vec![Channel::new("raw", "count").unwrap()];
+        let readings = Readings { channels, values, ..plain.clone() };
+        let taxel = |&id: &TaxelId| TaxelResponse {
+            gain: Some(sign * 1e4 * 5e3_f64.powf(-exponent)),
+            exponent: Some(exponent),
+            ..TaxelResponse::unknown(id)
+        };
+        let response = Response {
+            unit: "count".into(),
+            scale: Some(Scale::Pascals),
+            taxels: ids.iter().map(taxel).collect(),
+            ..Response::default()
+        };
+        // Zeros are followed where touches raise readings.
+        let zero = if sign < 0.0 { Zero::At(2e4) } else { Zero::Follow };
+        let options = HealthOptions { zero, ..HealthOptions::default() };
+        let report = examine(&map, &options, 1, |_, zero| {
+            let condition =
+                ConditionOptions { zero, response: Some(response.clone()), ..ConditionOptions::default() };
+            let options = RecordingOptions { condition, ..RecordingOptions::default() };
+            Ok::<_, Error>(Recording::open(&map, ReadingsReader::memory(readings.clone())?, &options)?)
+        })
+        .unwrap();
+        assert_eq!(report.findings, [], "gain {sign}, exponent {exponent}");
+        assert!(report.tested > 130, "gain {sign}, exponent {exponent}: {} tested", report.tested);
+    }
 }

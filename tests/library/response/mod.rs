@@ -5,7 +5,9 @@ mod tables;
 
 use dermatome::id::{IdVec, VertexId};
 use dermatome::mesh::shapes;
-use dermatome::response::{GainEstimator, Gains, ResponseError, ScaleEstimator, StepEstimator, TaxelGain};
+use dermatome::response::{
+    Curves, GainEstimator, Gains, ResponseError, ScaleEstimator, StepEstimator, TaxelGain,
+};
 use dermatome::run::Run;
 use dermatome::signal::{Frame, Quantity, Touch, TouchOptions, TouchSimulation};
 use dermatome::skin::{PatchId, Skin};
@@ -330,4 +332,78 @@ fn known_forces_give_the_scale_and_the_exponent() {
         let refused = estimator.solve().err().map(|error| error.kind());
         assert_eq!(refused, Some("too_few_forces"), "readings times {factor}");
     }
+}
+
+/// No press joins two patches: what is known of how their gains compare is that bodies press both alike, not that their
+/// gains are alike. Readings of the second one are three times larger.
+#[test]
+fn patches_that_no_press_joins_keep_their_ratio() {
+    let mut skin = forearm(8, 8);
+    let pose = glam::DAffine3::IDENTITY;
+    skin.links.push(dermatome::skin::Link { name: "hand".into(), parent: None, pose });
+    let mut hand = forearm(8, 8).patches[PatchId::new(0)].clone();
+    hand.name = "hand".into();
+    hand.link = dermatome::skin::LinkId::new(1);
+    hand.taxels.ids.iter_mut().for_each(|id| id.0 += 64);
+    skin.patches.push(hand);
+    let options = usual(&[0.008, 0.015, 0.04], 160, 5);
+    let (mut truth, found) = estimate_as(&skin, &options, |frame, _| {
+        frame.values[PatchId::new(1)][0].iter_mut().for_each(|x| *x *= 3.0);
+    });
+    truth[64..].iter_mut().for_each(|log| *log += 3.0_f64.ln());
+    let (gains, report) = found.unwrap();
+    let [error, share, _, chi] = errors(&truth, &gains);
+    let mean = |patch: usize| {
+        let of = gains[PatchId::new(patch)].iter().zip(&truth[64 * patch..]);
+        let left: Vec<f64> = of.filter(|(t, _)| !t.gain.is_nan()).map(|(t, log)| t.gain.ln() + log).collect();
+        left.iter().sum::<f64>() / left.len() as f64
+    };
+    let ratio = mean(1) - mean(0);
+    println!("{error:.3} {share:.2} {chi:.2}, the ratio is off by {ratio:.3}; {report:?}");
+    assert!(report.has_converged && report.patches == 2, "{report:?}");
+    assert!(ratio.abs() < 0.2 && error < 0.15 && share > 0.6, "{ratio}, {error}, {share}");
+    assert!((0.2..2.0).contains(&chi), "{chi}");
+}
+
+/// Frames of a recording at 20 Hz under steps of pressure, with noise, of 12 taxels of which the first `pressed` feel them.
+fn under_a_bag(
+    skin: &Skin,
+    rows: &[[f64; 2]],
+    pressed: usize,
+    clock: impl Fn(f64) -> f64,
+) -> Result<Curves, ResponseError> {
+    let mut numbers = Numbers(7);
+    let mut estimator = StepEstimator::new(skin, rows).unwrap();
+    for frame in 0..160 {
+        let time = clock(0.05 * f64::from(frame));
+        let pressure = rows.iter().rev().find(|row| row[0] <= time).map_or(0.0, |row| row[1]);
+        let mut reading = |k: usize| if k < pressed { pressure } else { 0.0 } + 50.0 * numbers.normal();
+        let values = IdVec::from(vec![vec![(0..12).map(&mut reading).collect()]]);
+        estimator.see(&Frame { time, values, ..Frame::default() });
+    }
+    estimator.solve()
+}
+
+/// What a bag does not touch reads noise, which is no pressure; however few taxels it touches, steps and readings fit.
+#[test]
+fn what_a_bag_does_not_touch_has_no_curve() {
+    let skin = forearm(4, 3);
+    let rows = [[1.0, 2e3], [2.0, 5e3], [3.0, 1e4], [4.0, 2e4], [5.0, 4e4], [6.0, 6e4], [7.0, 0.0]];
+    for pressed in [2, 4] {
+        let (curves, report) = under_a_bag(&skin, &rows, pressed, |time| time).unwrap();
+        assert!((report.exponent - 1.0).abs() < 0.02, "{report:?}");
+        for (k, curve) in curves.iter().flatten().enumerate() {
+            assert_eq!(!curve.gain.is_nan(), k < pressed, "{k} of {pressed}: {curve:?}");
+            assert!(curve.gain.is_nan() || (curve.exponent - 1.0).abs() < 0.05, "{k}: {curve:?}");
+        }
+    }
+}
+
+/// Where times begin again, a reading is of two steps.
+#[test]
+fn steps_of_a_clock_that_goes_back_are_refused() {
+    let rows = [[1.0, 2e3], [2.0, 5e3], [3.0, 1e4], [4.0, 0.0]];
+    let clock = |time: f64| if time < 5.0 { time } else { time - 5.0 };
+    let refused = under_a_bag(&forearm(4, 3), &rows, 12, clock);
+    assert_eq!(refused.err().map(|error| error.kind()), Some("step_clocks"));
 }

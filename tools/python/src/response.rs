@@ -114,6 +114,12 @@ impl PyResponse {
         &self.response.unit
     }
 
+    /// str: The channel of the readings that it is of; empty if it is not known. Of readings that have it no other becomes a pressure.
+    #[getter]
+    fn channel(&self) -> &str {
+        &self.response.channel
+    }
+
     /// str or None: "relative" (pressures have no unit) or "Pa"; None without gains.
     #[getter]
     fn scale(&self) -> Option<String> {
@@ -133,7 +139,14 @@ impl PyResponse {
     }
 
     #[staticmethod]
-    fn _of(unit: String, scale: Option<&str>, method: String, rows: Vec<Row>) -> PyResult<Self> {
+    #[pyo3(signature = (unit, scale, method, rows, channel=String::new()))]
+    fn _of(
+        unit: String,
+        scale: Option<&str>,
+        method: String,
+        rows: Vec<Row>,
+        channel: String,
+    ) -> PyResult<Self> {
         let scale =
             scale.map(|word| word.parse().map_err(|_| bad("scale", word, "relative or Pa"))).transpose()?;
         let taxel = |(id, [zero, gain, exponent, drift, sigma], state, other): Row| {
@@ -142,7 +155,7 @@ impl PyResponse {
             Ok(TaxelResponse { taxel, zero, gain, exponent, drift, sigma, state, other: other.map(TaxelId) })
         };
         let taxels = rows.into_iter().map(taxel).collect::<PyResult<_>>()?;
-        Ok(Self { response: Arc::new(Response { unit, scale, method, taxels }) })
+        Ok(Self { response: Arc::new(Response { unit, channel, scale, method, taxels }) })
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Reduced<'py>> {
@@ -152,7 +165,7 @@ impl PyResponse {
             (taxel.0, [zero, gain, exponent, drift, sigma], state.to_string(), other.map(|id| id.0))
         };
         let rows: Vec<Row> = this.response.taxels.iter().map(row).collect();
-        let state = (this.unit(), this.scale(), this.method(), rows);
+        let state = (this.unit(), this.scale(), this.method(), rows, this.channel());
         Ok((py.get_type::<Self>().getattr("_of")?, state.into_pyobject(py)?))
     }
 }

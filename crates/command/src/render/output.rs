@@ -83,7 +83,7 @@ pub(super) struct ColourArgs {
     #[arg(long, value_enum, default_value_t = Pictures::Exr)]
     pub(super) pictures: Pictures,
     /// Values at the ends of the colour scale of PNG pictures, in the unit of the readings, of a force per m^2
-    /// [default: those of the images; needed for a stream]
+    /// [default: around those of the images, for each channel; needed for a stream]
     #[arg(long, value_name = "LOW,HIGH", value_parser = range, allow_hyphen_values = true)]
     pub(super) range: Option<[f64; 2]>,
 }
@@ -114,8 +114,15 @@ pub(super) struct Content<'a> {
 }
 
 pub(super) enum Output<'a> {
-    Folder { sequence: Sequence, shown: Vec<LevelImage> },
-    Pictures { sequence: Sequence, options: ImageOptions },
+    Folder {
+        sequence: Sequence,
+        shown: Vec<LevelImage>,
+    },
+    /// With options for each channel.
+    Pictures {
+        sequence: Sequence,
+        options: Vec<ImageOptions>,
+    },
     Array(Box<RecordingWriter>),
     Pipe(StandardOutput<'a>),
 }
@@ -179,10 +186,11 @@ impl Sequence {
 }
 
 impl<'a> Output<'a> {
+    /// `ranges` are those of the colours of each channel, for PNG pictures.
     pub(super) fn open(
         path: &Path,
         kind: ImagesKind,
-        colours: &ColourArgs,
+        ranges: &[[f64; 2]],
         content: &Content<'_>,
         outputs: &'a Outputs,
     ) -> Result<Self, Error> {
@@ -209,14 +217,14 @@ impl<'a> Output<'a> {
                 Self::Folder { sequence: sequence("exr"), shown: shown.unwrap_or_default() }
             }
             ImagesKind::Folder(Pictures::Png) => {
-                let range = colours.range.unwrap_or(ImageOptions::default().range);
                 let packed = atlas.and_then(|atlas| atlas.parts.first()).filter(|part| part.charts.len() > 1);
                 let labels = packed.map(|part| part.labels(map));
                 let sides = atlas.iter().flat_map(|atlas| &atlas.parts).flat_map(|part| part.frame.size_px);
                 // Four pixels for each, unless the picture were larger than a PNG may be here.
                 let magnification = (16384 / sides.max().unwrap_or(1).max(1)).clamp(1, 4);
-                let options = ImageOptions { range, magnification, labels: labels.unwrap_or_default() };
-                Self::Pictures { sequence: sequence("png"), options }
+                let labels = labels.unwrap_or_default();
+                let options = |&range| ImageOptions { range, magnification, labels: labels.clone() };
+                Self::Pictures { sequence: sequence("png"), options: ranges.iter().map(options).collect() }
             }
         })
     }
@@ -248,7 +256,7 @@ impl<'a> Output<'a> {
                         _ => format!(".{}", harmless(&channel.name)),
                     };
                     let file = sequence.file(&image.name, &several, number);
-                    let png = image_png(image, k, options).map_err(Error::from);
+                    let png = image_png(image, k, &options[k]).map_err(Error::from);
                     let written = png.and_then(|png| Ok(write_bytes(&file, &png)?));
                     written.map_err(|e| sequence.after(e))?;
                 }

@@ -4,6 +4,10 @@
 //! frames a place and a depth; and for all the blur of the cover and the power with which readings grow with depth. The
 //! unknowns of a press are eliminated (`elimination`), which leaves a sparse system of the taxels.
 //!
+//! A press is of one patch. So presses say nothing of how the gains of two patches compare but by how deep they seem: bodies
+//! press all patches alike, on average. The gains of a patch are therefore pulled towards their own mean, and their sigma
+//! has a part for that of their patch: how much depths vary, over the root of the number of presses.
+//!
 //! It ends when the steps of the taxels are small against what is known of them, never after a number of steps: long
 //! waves over the skin come last.
 
@@ -82,6 +86,8 @@ pub struct GainReport {
     pub spikes: usize,
     /// See [`Self::spikes`].
     pub first_spike: Option<Spike>,
+    /// Patches with presses. How the gains of several compare is known only as far as bodies press all of them alike.
+    pub patches: usize,
     /// Steps of the adjustment.
     pub steps: usize,
     /// Whether steps became small.
@@ -98,6 +104,8 @@ pub struct GainReport {
 struct Bundle<'p> {
     presses: &'p [Press],
     noise: &'p [f64],
+    /// The patch of each taxel.
+    patches: &'p [usize],
     states: Vec<State>,
     logs: Vec<f64>,
     /// The mean of the logarithms at the start, which the prior of gains keeps.
@@ -108,15 +116,17 @@ struct Bundle<'p> {
 
 /// Solves for the taxels: the logarithms of reading over depth, relative to their mean, and their sigma.
 ///
-/// `start` are first guesses of the logarithms, `noise` the standard deviations of readings.
+/// `start` are first guesses of the logarithms, `noise` the standard deviations of readings, `patches` the patch of each
+/// taxel, counted from 0.
 pub(super) fn adjust(
     presses: &[Press],
     start: Vec<f64>,
     noise: &[f64],
+    patches: &[usize],
     run: Run<'_>,
 ) -> Result<(Vec<f64>, Vec<f64>, GainReport), ResponseError> {
     let taxels = start.len();
-    let mut bundle = Bundle::new(presses, start, noise);
+    let mut bundle = Bundle::new(presses, start, noise, patches);
     let system = BlockSystem::new(pattern(presses, taxels), 1)?;
     let mut report = GainReport { presses: presses.len(), ..GainReport::default() };
     loop {
@@ -137,6 +147,7 @@ pub(super) fn adjust(
         report.misfit = sum(0) / sum(1).max(1.0);
         report.blur = bundle.common.log_blur.exp();
         report.power = bundle.common.power;
+        report.patches = bundle.presses_of_patches().iter().filter(|count| **count > 0).count();
         let sigma = bundle.sigma(&factor, &reduced, variance)?;
         let mean = bundle.mean(&bundle.logs);
         return Ok((bundle.logs.iter().map(|log| log - mean).collect(), sigma, report));
@@ -169,7 +180,7 @@ fn pattern(presses: &[Press], taxels: usize) -> Pattern {
 }
 
 impl<'p> Bundle<'p> {
-    fn new(presses: &'p [Press], logs: Vec<f64>, noise: &'p [f64]) -> Self {
+    fn new(presses: &'p [Press], logs: Vec<f64>, noise: &'p [f64], patches: &'p [usize]) -> Self {
         let start = |press: &Press| {
             let largest = |readings: &[f64]| {
                 let depths = readings.iter().zip(&press.taxels).map(|(c, &v)| c * (-logs[v as usize]).exp());
@@ -190,7 +201,7 @@ impl<'p> Bundle<'p> {
             }
         }
         let common = Common { log_blur: USUAL_BLUR.ln(), power: 1.0, depth: [0.0, 0.5] };
-        let mut bundle = Self { presses, noise, states, logs, centre: 0.0, common, is_pressed };
+        let mut bundle = Self { presses, noise, patches, states, logs, centre: 0.0, common, is_pressed };
         bundle.centre = bundle.mean(&bundle.logs);
         bundle.common.depth[0] = bundle.depths()[0];
         bundle
@@ -200,6 +211,42 @@ impl<'p> Bundle<'p> {
     fn mean(&self, of: &[f64]) -> f64 {
         let pressed = || of.iter().zip(&self.is_pressed).filter(|(_, is)| **is).map(|(x, _)| x);
         pressed().sum::<f64>() / (pressed().count() as f64).max(1.0)
+    }
+
+    /// The mean over the taxels of each patch that were pressed; that of all for a patch without any.
+    fn means(&self, of: &[f64]) -> Vec<f64> {
+        let mut sums = vec![[0.0; 2]; self.patch_count()];
+        for ((x, &patch), _) in of.iter().zip(self.patches).zip(&self.is_pressed).filter(|(_, is)| **is) {
+            sums[patch] = [sums[patch][0] + x, sums[patch][1] + 1.0];
+        }
+        let all = self.mean(of);
+        sums.into_iter().map(|[sum, count]| if count > 0.0 { sum / count } else { all }).collect()
+    }
+
+    fn patch_count(&self) -> usize {
+        self.patches.iter().max().map_or(0, |last| last + 1)
+    }
+
+    fn presses_of_patches(&self) -> Vec<usize> {
+        let mut counts = vec![0; self.patch_count()];
+        let of = self.presses.iter().filter_map(|press| press.taxels.first());
+        of.for_each(|&taxel| counts[self.patches[taxel as usize]] += 1);
+        counts
+    }
+
+    /// The variance of the mean logarithm of each patch relative to that of all.
+    fn variances_of_patches(&self) -> Vec<f64> {
+        let mut shares = vec![0.0; self.patch_count()];
+        let pressed = self.is_pressed.iter().filter(|is| **is).count().max(1) as f64;
+        for (&patch, _) in self.patches.iter().zip(&self.is_pressed).filter(|(_, is)| **is) {
+            shares[patch] += pressed.recip();
+        }
+        let of_press = (self.common.power * self.common.depth[1]).powi(2);
+        let own: Vec<f64> = (self.presses_of_patches().iter())
+            .map(|&count| if count > 0 { of_press / count as f64 } else { GAIN * GAIN })
+            .collect();
+        let all: f64 = own.iter().zip(&shares).map(|(own, share)| share * share * own).sum();
+        own.iter().zip(&shares).map(|(own, share)| all + (1.0 - 2.0 * share) * own).collect()
     }
 
     /// Mean and standard deviation of the mean logarithms of the depths of presses.
@@ -264,8 +311,11 @@ impl<'p> Bundle<'p> {
         let mut prior = vec![GAIN.powi(-2); taxels];
         prior.extend([LOG_BLUR.powi(-2), POWER.powi(-2)]);
         matrix.add_diagonal(&prior);
+        // The means of patches differ, and that of all stays.
+        let (means, mean) = (self.means(&self.logs), self.mean(&self.logs));
         for (row, log) in self.logs.iter().enumerate() {
-            gradient[row] -= prior[row] * (log - self.centre);
+            let centre = self.centre + (means[self.patches[row]] - mean);
+            gradient[row] -= prior[row] * (log - centre);
         }
         gradient[taxels] -= prior[taxels] * (self.common.log_blur - USUAL_BLUR.ln());
         gradient[taxels + 1] -= prior[taxels + 1] * (self.common.power - 1.0);
@@ -307,8 +357,8 @@ impl<'p> Bundle<'p> {
         Ok(if count > 0.0 { f64::sqrt(sum / count) } else { 0.0 })
     }
 
-    /// The sigma of the logarithms relative to their mean: of the equations, or of how much presses disagree with
-    /// each other (the sandwich estimate of White 1982), whichever is larger.
+    /// The sigma of the logarithms relative to the mean of their patch, of the equations, or of how much presses disagree with
+    /// each other (the sandwich estimate of White 1982), whichever is larger; joined with that of the mean of the patch.
     fn sigma(
         &self,
         factor: &BlockFactor<'_>,
@@ -318,17 +368,23 @@ impl<'p> Bundle<'p> {
         /// Columns of the inverse that are solved at once: they bound memory, and change no result.
         const COLUMNS: usize = 64;
         let (taxels, rows) = (self.logs.len(), self.logs.len() + SHARED);
-        let pressed = self.is_pressed.iter().filter(|is| **is).count().max(1) as f64;
-        // Covariances with the mean.
-        let mut with_mean = vec![0.0; rows];
-        with_mean
-            .iter_mut()
-            .zip(&self.is_pressed)
-            .for_each(|(x, &is)| *x = f64::from(u8::from(is)) / pressed);
-        factor.solve(&mut with_mean, 1)?;
-        let of_mean = self.mean(&with_mean[..taxels]);
-        let model: Vec<f64> =
-            (0..taxels).map(|row| (variance(row) - 2.0 * with_mean[row] + of_mean).max(0.0)).collect();
+        let mut model = vec![0.0; taxels];
+        for patch in 0..self.patch_count() {
+            let is_in = |row: usize| self.is_pressed[row] && self.patches[row] == patch;
+            let pressed = (0..taxels).filter(|&row| is_in(row)).count();
+            if pressed == 0 {
+                continue;
+            }
+            // Covariances with the mean.
+            let mut with_mean = vec![0.0; rows];
+            (0..taxels).filter(|&row| is_in(row)).for_each(|row| with_mean[row] = (pressed as f64).recip());
+            factor.solve(&mut with_mean, 1)?;
+            let of_mean = self.means(&with_mean[..taxels])[patch];
+            for row in (0..taxels).filter(|&row| is_in(row)) {
+                model[row] = (variance(row) - 2.0 * with_mean[row] + of_mean).max(0.0);
+            }
+        }
+        let of_patches = self.variances_of_patches();
         // The prior of gains is one more witness.
         let mut disagreement: Vec<f64> = (0..taxels).map(|row| (variance(row) / GAIN).powi(2)).collect();
         let mut seen = vec![0.0_f64; taxels];
@@ -343,8 +399,9 @@ impl<'p> Bundle<'p> {
             }
             factor.solve(&mut columns, block.len())?;
             for column in columns.chunks_exact(rows) {
-                let mean = self.mean(&column[..taxels]);
-                disagreement.iter_mut().zip(column).for_each(|(sum, x)| *sum += (x - mean).powi(2));
+                let means = self.means(&column[..taxels]);
+                let all = disagreement.iter_mut().zip(column).zip(self.patches);
+                all.for_each(|((sum, x), &patch)| *sum += (x - means[patch]).powi(2));
             }
         }
         let sigma = |row: usize| {
@@ -353,7 +410,8 @@ impl<'p> Bundle<'p> {
             }
             let count: f64 = seen[row];
             let few = if count > 1.5 { (count / (count - 1.5)).min(MOST_FEW) } else { MOST_FEW };
-            (SIGMA_FACTOR * model[row].max(few * disagreement[row]).sqrt()).hypot(SIGMA_FLOOR)
+            let own = SIGMA_FACTOR * model[row].max(few * disagreement[row]).sqrt();
+            own.hypot(SIGMA_FLOOR).hypot(of_patches[self.patches[row]].sqrt())
         };
         Ok((0..taxels).map(sigma).collect())
     }

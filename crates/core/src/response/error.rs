@@ -73,6 +73,11 @@ pub enum ResponseError {
          one episode is needed, or several whose times go on"
     )]
     ForceClocks,
+    #[error(
+        "times go back within the recording, so that readings at one time are of several steps of pressure; one recording \
+         whose times go on is needed, with the steps of its clock"
+    )]
+    StepClocks,
     #[error("the response has no relative gains; what touches alone give is needed")]
     NotRelative,
     #[error(

@@ -26,7 +26,7 @@ use crate::response::collect::Collector;
 use crate::response::press::Press;
 use crate::run::Run;
 use crate::signal::Frame;
-use crate::skin::{PatchId, Skin};
+use crate::skin::{Patch, PatchId, Skin};
 
 pub use bundle::GainReport;
 pub use collect::Spike;
@@ -52,7 +52,8 @@ pub struct GainEstimator<'s> {
 /// What is known of a taxel from touches.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TaxelGain {
-    /// Pressure over reading, relative to the geometric mean of the skin; NaN where no press determines it to
+    /// Pressure over reading, relative to the geometric mean of the skin, to which that of a patch is known as far as bodies press
+    /// all patches alike; NaN where no press determines it to
     /// a fifth.
     pub gain: f64,
     /// The standard deviation of its logarithm.
@@ -106,7 +107,10 @@ impl<'s> GainEstimator<'s> {
             return Err(ResponseError::Saturated { saturated: tally.saturated, readings: tally.hot });
         }
         let start = start(&presses, &noise, self.skin);
-        let (logs, sigma, report) = bundle::adjust(&presses, start, &noise, run)?;
+        let of_patch =
+            |(number, patch): (usize, &Patch)| std::iter::repeat_n(number, patch.mesh.positions.len());
+        let patches: Vec<usize> = self.skin.patches.iter().enumerate().flat_map(of_patch).collect();
+        let (logs, sigma, report) = bundle::adjust(&presses, start, &noise, &patches, run)?;
         bundle::check_bounds(&report)?;
         let mut seen = vec![0; noise.len()];
         presses.iter().flat_map(|press| press.hot_taxels(&noise)).for_each(|taxel| seen[taxel] += 1);

@@ -1,5 +1,7 @@
 //! Carries values of the fields of a level without a mesh down to the taxels, to be drawn on their maps.
 
+use std::collections::BTreeSet;
+
 use crate::body::FieldLevel;
 use crate::id::{IdVec, VertexId};
 use crate::map::SkinMap;
@@ -26,6 +28,12 @@ impl CarryDown {
     /// Whether taxels of a patch have fields of this level.
     pub fn has_fields(&self, patch: PatchId) -> bool {
         self.rows.get(patch).is_some_and(Option::is_some)
+    }
+
+    /// The fields that taxels of a patch have, in ascending order.
+    pub fn fields_of(&self, patch: PatchId) -> BTreeSet<VertexId> {
+        let Some(rows) = self.rows.get(patch).and_then(Option::as_ref) else { return BTreeSet::new() };
+        rows.indices.ids().flat_map(|taxel| rows.row(taxel)).map(|(field, _)| field).collect()
     }
 
     /// The values of the fields in a channel of a frame; `None` if it is of another map.

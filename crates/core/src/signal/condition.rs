@@ -46,7 +46,8 @@ pub struct ConditionOptions {
     pub zero: Zero,
     /// Then readings of touch are multiplied by these factors; 1 for other ids.
     pub gains: Vec<(TaxelId, f64)>,
-    /// Then readings of touch, other than tangential ones, become pressures by the response of each taxel. Those of a
+    /// Then readings of touch, other than tangential ones, become pressures by the response of each taxel: those of the
+    /// channel that it names, if there is one of this name, else of all. Those of a
     /// taxel whose gain is not known where others are, are masked. Without an exponent a response is linear. A faulty
     /// taxel is masked in all channels.
     pub response: Option<Response>,
@@ -125,6 +126,8 @@ pub struct Conditioner {
     report: ConditionReport,
     /// The kinds of the input channels.
     kinds: Vec<ChannelKind>,
+    /// Which of them the response is of.
+    becomes_pressure: Vec<bool>,
     /// One number per taxel, patch after patch.
     gains: IdVec<PatchId, Vec<f64>>,
     curves: Option<Curves>,
@@ -201,12 +204,12 @@ impl Conditioner {
         }
         let kinds: Vec<ChannelKind> = channels.iter().map(|channel| channel.kind).collect();
         let has_zero = !matches!(options.zero, Zero::Taken | Zero::First(0));
-        let is_pressure = |kind: &ChannelKind| *kind == ChannelKind::Touch;
         let response = options.response.as_ref();
+        let becomes_pressure = of_response(channels, response);
         let needs_pressure =
             options.zero == Zero::Stored || response.is_some_and(|response| response.has_gains());
         if (has_zero || !options.gains.is_empty()) && !kinds.iter().any(|kind| kind.is_of_touch())
-            || needs_pressure && !kinds.iter().any(is_pressure)
+            || needs_pressure && !becomes_pressure.contains(&true)
         {
             return Err(SignalError::NoTouch { known: channels.iter().map(|c| c.name.clone()).collect() });
         }
@@ -217,14 +220,15 @@ impl Conditioner {
         let tracker = (options.zero == Zero::Follow).then(|| Box::new(ZeroTracker::new(map, channels)));
         let mut report = ConditionReport { unknown_gains, ..ConditionReport::default() };
         let curves =
-            response.map(|response| Curves::new(map, channels, response, &mut report)).transpose()?;
+            response.map(|response| Curves::new(map, channels, &becomes_pressure, response, &mut report));
+        let curves = curves.transpose()?;
         let stored = match options.zero {
-            Zero::Stored => stored_zeros(map, &kinds, response)?,
+            Zero::Stored => stored_zeros(map, &becomes_pressure, response)?,
             _ => Vec::new(),
         };
         let read = channels.iter().enumerate();
         let channels = read.map(|(k, channel)| match &curves {
-            Some(curves) if is_pressure(&kinds[k]) => curves.channel(channel),
+            Some(curves) if becomes_pressure[k] => curves.channel(channel, channels),
             _ => channel.clone(),
         });
         let channels: Vec<Channel> = match options.split_hz {
@@ -258,6 +262,7 @@ impl Conditioner {
             now: 0.0,
             out: Frame::new(map, channels.len()),
             kinds,
+            becomes_pressure,
             channels,
             report,
         })
@@ -293,7 +298,7 @@ impl Conditioner {
     pub fn pressures(&self) -> impl Iterator<Item = &Channel> {
         let curves = self.curves.as_ref().filter(|curves| curves.scale.is_some());
         let parts = self.channels.len() / self.kinds.len().max(1);
-        let is_one = move |k: usize| curves.is_some() && self.kinds[k / parts.max(1)] == ChannelKind::Touch;
+        let is_one = move |k: usize| curves.is_some() && self.becomes_pressure[k / parts.max(1)];
         self.channels.iter().enumerate().filter(move |(k, _)| is_one(*k)).map(|(_, channel)| channel)
     }
 
@@ -363,7 +368,7 @@ impl Stage for Conditioner {
                 }
                 if let Some(curves) = &self.curves {
                     let taxels = out[0].iter_mut().zip(&curves.taxels[PatchId::new(patch)]);
-                    if *kind == ChannelKind::Touch {
+                    if self.becomes_pressure[channel] {
                         taxels.for_each(|(x, curve)| *x = curve.pressure(*x));
                     } else {
                         taxels.filter(|(_, curve)| curve.is_faulty).for_each(|(x, _)| *x = f64::NAN);
@@ -401,10 +406,11 @@ impl Curves {
     fn new(
         map: &SkinMap,
         channels: &[Channel],
+        becomes_pressure: &[bool],
         response: &Response,
         report: &mut ConditionReport,
     ) -> Result<Self, SignalError> {
-        for channel in channels.iter().filter(|channel| channel.kind == ChannelKind::Touch) {
+        for (channel, _) in channels.iter().zip(becomes_pressure).filter(|(_, is)| **is) {
             let [found, needed] = [&channel.unit, &response.unit];
             if !found.is_empty() && !needed.is_empty() && unit_ratio(found, needed) != Some(1.0) {
                 let (unit, needed) = (found.clone(), needed.clone());
@@ -433,11 +439,13 @@ impl Curves {
         Ok(Self { taxels, scale: if has_gains { response.scale } else { None } })
     }
 
-    /// What the pressures of a channel are.
-    fn channel(&self, read: &Channel) -> Channel {
-        let name = if read.name.starts_with("force") { "pressure" } else { &read.name };
+    /// What the pressures of a channel are: that of `force1` is `pressure1`, unless another one of the channels is called so.
+    fn channel(&self, read: &Channel, channels: &[Channel]) -> Channel {
+        let renamed = read.name.strip_prefix("force").map(|rest| format!("pressure{rest}"));
+        let is_free = |name: &String| channels.iter().all(|other| other.name != *name);
+        let name = renamed.filter(is_free).unwrap_or_else(|| read.name.clone());
         let channel = |unit: &str| Channel {
-            name: name.into(),
+            name: name.clone(),
             unit: unit.into(),
             quantity: Quantity::Intensive,
             kind: ChannelKind::Touch,
@@ -459,6 +467,15 @@ impl Curve {
             None => self.gain * x,
         }
     }
+}
+
+/// Which channels a response is of: that of its name, if it is among them, else all of touch other than tangential ones.
+fn of_response(channels: &[Channel], response: Option<&Response>) -> Vec<bool> {
+    let is_touch = |channel: &Channel| channel.kind == ChannelKind::Touch;
+    let name = response.map_or("", |response| &response.channel);
+    let is_named = |channel: &Channel| is_touch(channel) && channel.name == name;
+    let has_it = channels.iter().any(is_named);
+    channels.iter().map(|channel| if has_it { is_named(channel) } else { is_touch(channel) }).collect()
 }
 
 /// What a response says of each taxel, refused if it is of none of the map.
@@ -489,7 +506,7 @@ fn of_entries(
 /// The zeros of a response in the channels that it is of, NaN where they are not known, and 0 in others.
 fn stored_zeros(
     map: &SkinMap,
-    kinds: &[ChannelKind],
+    becomes_pressure: &[bool],
     response: Option<&Response>,
 ) -> Result<Vec<f64>, SignalError> {
     let Some(response) = response.filter(|response| response.taxels.iter().any(|taxel| taxel.zero.is_some()))
@@ -500,11 +517,8 @@ fn stored_zeros(
     let zero = |id: &TaxelId| known.get(id).and_then(|taxel| taxel.zero).unwrap_or(f64::NAN);
     let of_patch = |ids: &IdVec<_, TaxelId>| {
         let zeros: Vec<f64> = ids.iter().map(zero).collect();
-        let of_channel = |kind: &ChannelKind| match kind {
-            ChannelKind::Touch => zeros.clone(),
-            _ => vec![0.0; zeros.len()],
-        };
-        kinds.iter().flat_map(of_channel).collect::<Vec<f64>>()
+        let of_channel = |&is: &bool| if is { zeros.clone() } else { vec![0.0; zeros.len()] };
+        becomes_pressure.iter().flat_map(of_channel).collect::<Vec<f64>>()
     };
     Ok(map.patches.iter().flat_map(|patch| of_patch(&patch.taxels.ids)).collect())
 }

@@ -7,6 +7,8 @@ use crate::skin::TaxelId;
 pub struct Response {
     /// Unit of the readings that it is of, as `count`; empty if unknown.
     pub unit: String,
+    /// The channel of the readings that it is of; empty if unknown. Of readings that have it no other one becomes a pressure.
+    pub channel: String,
     /// What its gains are relative to; `None` where no gain is estimated, or nothing is stated.
     pub scale: Option<Scale>,
     /// How it was found, in words; empty if unknown.
@@ -19,6 +21,18 @@ impl Response {
     /// Whether the gain of any taxel is known.
     pub fn has_gains(&self) -> bool {
         self.taxels.iter().any(|taxel| taxel.gain.is_some())
+    }
+
+    /// It with lines for curves: that of each taxel with an exponent goes through its reading at this pressure, in Pa or
+    /// relative. So readings less any zero, or none, are proportional to those of the line.
+    #[must_use]
+    pub fn linear_at(&self, pressure: f64) -> Self {
+        let line = |taxel: &TaxelResponse| {
+            let (Some(gain), Some(exponent)) = (taxel.gain, taxel.exponent) else { return *taxel };
+            let slope = pressure * (gain.abs() / pressure).powf(exponent.recip());
+            TaxelResponse { gain: Some(slope * gain.signum()), exponent: None, ..*taxel }
+        };
+        Self { taxels: self.taxels.iter().map(line).collect(), ..self.clone() }
     }
 }
 
@@ -61,6 +75,19 @@ impl TaxelResponse {
     pub fn unknown(taxel: TaxelId) -> Self {
         let state = TaxelState::Untested;
         Self { taxel, zero: None, gain: None, exponent: None, drift: None, sigma: None, state, other: None }
+    }
+
+    /// Adds what is known of another taxel with its id: numbers that differ are not known, and the heavier state counts.
+    pub(in crate::signal) fn join(&mut self, other: &Self) {
+        let same = |a: Option<f64>, b: Option<f64>| a.filter(|_| a == b);
+        self.zero = same(self.zero, other.zero);
+        self.gain = same(self.gain, other.gain);
+        self.exponent = same(self.exponent, other.exponent);
+        self.drift = same(self.drift, other.drift);
+        self.sigma = same(self.sigma, other.sigma);
+        if other.state > self.state {
+            (self.state, self.other) = (other.state, other.other);
+        }
     }
 }
 

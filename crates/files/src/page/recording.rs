@@ -10,7 +10,7 @@ use crate::numeric::narrow;
 use crate::page::events::{EventRecorder, EventRow};
 use crate::page::pack::Packer;
 use crate::recording::Step;
-use crate::signal::{Channel, Clock, ContactEvent, ContactRegion, Quantity, SignalError};
+use crate::signal::{Channel, Clock, ContactEvent, ContactRegion, ContactTracker, Quantity, SignalError};
 use crate::skin::PatchId;
 
 /// Most readings of a page: a quarter of a gigabyte while it is made.
@@ -100,7 +100,9 @@ impl<'m> Recorder<'m> {
                 most: MAX_READINGS / taxels.max(1),
             });
         }
-        if self.clock.see(frame.time).is_cut() {
+        // The tracker has read ahead: it also knows a first step that is a gap.
+        let own = self.clock.see(frame.time);
+        if step.tracker.map_or(own, ContactTracker::tick).is_cut() {
             self.cuts.push(number);
         }
         self.times.push(time_of(frame.time, self.times.last().copied(), &self.clock));

@@ -40,7 +40,7 @@ pub(crate) use layout::{number, printable};
 pub use picture::Picture;
 pub use plot_design::{DesignedPatch, plot_design};
 pub use plot_diff::plot_diff;
-pub use plot_frame::{FramePlotter, plot_frame};
+pub use plot_frame::{FramePlotter, colour_range, plot_frame};
 pub use plot_map::{plot_map, plot_skin};
 pub use plot_signals::plot_signals;
 

@@ -3,6 +3,8 @@
 //! Values are linear between the vertices of each level, as in tactile images; where values are unknown the
 //! skin is hatched in greys, which no scale has.
 
+use std::collections::BTreeSet;
+
 use crate::body::FieldLevel;
 use crate::id::{IdVec, VertexId};
 use crate::map::{MapLevel, PatchMap, SkinMap};
@@ -80,6 +82,8 @@ struct Fields {
     level: LevelId,
     name: String,
     down: CarryDown,
+    /// The fields that each patch has taxels of.
+    of_patches: IdVec<PatchId, BTreeSet<VertexId>>,
 }
 
 impl Fields {
@@ -87,7 +91,9 @@ impl Fields {
         let Some((_, name)) = map.field_levels().find(|(known, _)| *known == at) else {
             return Err(PlotError::UnknownFieldLevel { level: at.level, count: map.field_levels().count() });
         };
-        Ok(Self { level: at.level, name, down: CarryDown::new(map, at) })
+        let down = CarryDown::new(map, at);
+        let of_patches = map.patches.ids().map(|patch| down.fields_of(patch)).collect();
+        Ok(Self { level: at.level, name, down, of_patches })
     }
 }
 
@@ -179,12 +185,7 @@ impl<'a> FramePlotter<'a> {
     }
 
     /// The drawn values of a level of a patch; `None` for a level that the patch does not have.
-    fn densities<'f>(
-        &self,
-        frame: &'f LevelFrame,
-        id: PatchId,
-        level: LevelId,
-    ) -> Result<Option<Drawn<'f>>, PlotError> {
+    fn densities(&self, frame: &LevelFrame, id: PatchId, level: LevelId) -> Result<Option<Drawn>, PlotError> {
         let patch = &self.map.patches[id];
         let Some(MapLevel { level: shape, .. }) = patch.levels.get(level) else { return Ok(None) };
         let other = || PlotError::FrameOfAnotherMap { patch: patch.name.clone(), level };
@@ -195,17 +196,20 @@ impl<'a> FramePlotter<'a> {
         }
         let quantity = self.channel.quantity;
         let densities = values.iter().zip(&shape.areas).map(|(x, area)| x / quantity.extent(*area)).collect();
-        Ok(Some(Drawn { name: format!("level {level}"), values, densities }))
+        let known = values.iter().filter(|x| !x.is_nan());
+        let (masked, total) = (values.len() - known.clone().count(), known.sum());
+        let name = format!("level {level}");
+        Ok(Some(Drawn { name, count: values.len(), masked, total, densities }))
     }
 
     /// The values of a level without a mesh at the taxels of a patch, if it is of this patch; of an extensive channel those
     /// per area.
-    fn carried_down<'f>(
+    fn carried_down(
         &self,
-        frame: &'f LevelFrame,
+        frame: &LevelFrame,
         id: PatchId,
-        Fields { level, name, down }: &Fields,
-    ) -> Result<Option<Drawn<'f>>, PlotError> {
+        Fields { level, name, down, of_patches }: &Fields,
+    ) -> Result<Option<Drawn>, PlotError> {
         if !down.has_fields(id) {
             return Ok(None);
         }
@@ -213,8 +217,13 @@ impl<'a> FramePlotter<'a> {
         let other = || PlotError::FrameOfAnotherMap { patch: patch.name.clone(), level: *level };
         let values = down.fields(frame, self.shown).ok_or_else(other)?;
         let density = |taxel| down.density((id, taxel), values, self.channel.quantity);
-        let densities = patch.taxels.ids.ids().map(density).collect();
-        Ok(Some(Drawn { name: name.clone(), values, densities }))
+        let densities: IdVec<VertexId, f64> = patch.taxels.ids.ids().map(density).collect();
+        let of_patch = &of_patches[id];
+        let masked = of_patch.iter().filter(|field| values[**field].is_nan()).count();
+        // What of the fields is on this patch: they may go on on others.
+        let amounts = densities.iter().zip(&patch.taxels.areas).map(|(x, area)| x * area);
+        let total = amounts.filter(|x| !x.is_nan()).sum();
+        Ok(Some(Drawn { name: name.clone(), count: of_patch.len(), masked, total, densities }))
     }
 }
 
@@ -242,10 +251,14 @@ fn about(channel: &Channel) -> About {
 
 /// The values of one level of a patch.
 #[derive(Clone)]
-struct Drawn<'a> {
+struct Drawn {
     /// What it is called.
     name: String,
-    values: &'a IdVec<VertexId, f64>,
+    /// Taxels or fields of this patch, those without a value, and the sum of the values on it; of a level without a mesh the
+    /// part of its fields that is on this patch.
+    count: usize,
+    masked: usize,
+    total: f64,
     /// The drawn values: those of the channel, or amounts per area of skin.
     densities: IdVec<VertexId, f64>,
 }
@@ -258,11 +271,11 @@ struct Colours {
 }
 
 impl Colours {
-    fn new<'a>(range: Option<[f64; 2]>, about: &About, drawn: impl Iterator<Item = &'a Drawn<'a>>) -> Self {
+    fn new<'a>(range: Option<[f64; 2]>, about: &About, drawn: impl Iterator<Item = &'a Drawn>) -> Self {
         let known = drawn.flat_map(|drawn| &drawn.densities).copied().filter(|x| x.is_finite());
         let grow = |[low, high]: [f64; 2], x: f64| [low.min(x), high.max(x)];
         let extremes = known.fold([f64::INFINITY, f64::NEG_INFINITY], grow);
-        let range = range.unwrap_or_else(|| round(extremes, about.factor));
+        let range = range.unwrap_or_else(|| colour_range(extremes, about.factor));
         Self { range, extremes, scale: Scale::of_range(range) }
     }
 
@@ -281,12 +294,12 @@ const SLIGHTLY_NEGATIVE: f64 = 0.2;
 /// The scale starts at zero if the smallest value is below this share of the largest.
 const NEARLY_ZERO: f64 = 0.5;
 
-/// A range around values whose ends have two digits: from zero if that is near, symmetric if values
-/// of both signs matter.
-fn round([low, high]: [f64; 2], factor: f64) -> [f64; 2] {
+/// The colour scale of values from the least to the largest of `extremes`: its ends have two digits; it is from zero if that
+/// is near, symmetric if values of both signs matter. Without a value other than 0 it ends at `least`.
+pub fn colour_range([low, high]: [f64; 2], least: f64) -> [f64; 2] {
     let largest = low.abs().max(high.abs());
     if low > high || largest == 0.0 {
-        return [0.0, factor];
+        return [0.0, least];
     }
     let digit = second_digit(largest);
     let up = |x: f64| (x / digit).ceil() * digit;
@@ -303,13 +316,11 @@ fn round([low, high]: [f64; 2], factor: f64) -> [f64; 2] {
 }
 
 /// The caption of a panel: level, time, number of masked values, and the largest value.
-fn caption(panel: &Panel<'_>, drawn: &Drawn<'_>, channel: &Channel, time: f64, about: &About) -> Caption {
-    let Drawn { name, values, densities } = drawn;
+fn caption(panel: &Panel<'_>, drawn: &Drawn, channel: &Channel, time: f64, about: &About) -> Caption {
+    let Drawn { name, count, masked, total, densities } = drawn;
     let time = if time.is_nan() { String::new() } else { format!(", {time:.3} s") };
     let kind = if name == "level 0" { "taxels" } else { "fields" };
-    let known = || values.iter().filter(|x| !x.is_nan());
-    let masked = values.len() - known().count();
-    let masked = if masked > 0 { format!(", {masked} masked") } else { String::new() };
+    let masked = if *masked > 0 { format!(", {masked} masked") } else { String::new() };
     let largest = densities.iter().copied().filter(|x| !x.is_nan()).reduce(f64::max);
     let mut measures = match largest {
         Some(x) => format!("max {} {}", signed(x / about.factor), about.unit).trim_end().to_owned(),
@@ -317,11 +328,11 @@ fn caption(panel: &Panel<'_>, drawn: &Drawn<'_>, channel: &Channel, time: f64, a
     };
     let Channel { unit, quantity, .. } = channel;
     if *quantity == Quantity::Extensive {
-        measures += &format!(", total {} {}", signed(known().sum()), printable(unit));
+        measures += &format!(", total {} {}", signed(*total), printable(unit));
     }
     Caption {
         name: panel.slot.caption.name.clone(),
         which: format!(", {name}{}", if panel.is_in_space() { " in space" } else { "" }),
-        about: [format!("{} {kind}{masked}{time}", values.len()), measures.trim_end().to_owned()],
+        about: [format!("{count} {kind}{masked}{time}"), measures.trim_end().to_owned()],
     }
 }

@@ -5,9 +5,18 @@ use std::sync::Arc;
 use crate::Error;
 use crate::map::SkinMap;
 use crate::recording::{Recording, same_unit};
+#[cfg(doc)]
+use crate::signal::Response;
 use crate::signal::{Health, HealthOptions, HealthReport, SignalError, Zero};
 
+/// The pressure of touches at which lines take the place of the curves of a response, where no threshold is given, in Pa: that
+/// of a finger.
+const USUAL_PRESSURE: f64 = 1e4;
+
 /// Judges the taxels of a skin by recordings of ordinary touches.
+///
+/// Of a response with exponents lines take the place of curves ([`Response::linear_at`] the threshold): what a curve makes of
+/// readings depends on their zeros, which the first pass does not have.
 ///
 /// `open` opens a recording, by its number, with a zero; each of the `recordings` is opened [`Health::PASSES`] times,
 /// so that memory does not depend on their length. The [channel](Recording::channel) without a name is judged.
@@ -52,10 +61,12 @@ pub fn examine<E: From<Error> + From<SignalError>>(
 ) -> Result<HealthReport, E> {
     let mut health: Option<Health> = None;
     let mut unit = None;
+    let pressure = options.threshold.filter(|x| x.is_finite() && *x > 0.0).unwrap_or(USUAL_PRESSURE);
     for _ in 0..Health::PASSES {
         for number in 0..recordings {
             let zero = health.as_ref().map_or(Zero::Taken, Health::zero);
             let mut recording = open(number, zero)?;
+            recording.linearise(pressure)?;
             let channel = recording.touch_channel();
             let channel = channel.map_err(|error| Error::from(error).in_recording(number, recordings))?;
             same_unit(&mut unit, number, &recording.channels()[channel])?;

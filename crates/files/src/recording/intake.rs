@@ -192,6 +192,16 @@ impl Intake {
         self.filler.as_ref().map_or(self.conditioner.latest(), Filler::latest)
     }
 
+    /// Puts lines that agree with them at this pressure in the place of the curves of the response; before the first frame.
+    pub(super) fn linearise(&mut self, map: &SkinMap, pressure: f64) -> Result<(), SignalError> {
+        let Some(response) = &mut self.condition.response else { return Ok(()) };
+        if response.taxels.iter().any(|taxel| taxel.exponent.is_some()) {
+            *response = response.linear_at(pressure);
+            self.conditioner = Conditioner::new(map, &self.reader.channels, &self.condition)?;
+        }
+        Ok(())
+    }
+
     /// Goes on to the next episode, if there is one: nothing is known of it from those before.
     pub(super) fn begin_episode(&mut self, map: &SkinMap) -> Result<bool, Error> {
         if self.range.ends_before(self.next) {

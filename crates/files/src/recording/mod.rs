@@ -219,6 +219,11 @@ impl Recording {
         self.intake.statements()
     }
 
+    /// Puts lines in the place of the curves of the response; before the first frame.
+    pub(super) fn linearise(&mut self, pressure: f64) -> Result<(), SignalError> {
+        self.intake.linearise(&self.map, pressure)
+    }
+
     /// Carries frames to every level, or of those above level 0 to `level` alone.
     pub fn carry(&mut self, carried: Carried, level: Option<LevelId>) {
         self.levels = Some(Levels::new(&self.map, self.intake.channels(), carried, level));

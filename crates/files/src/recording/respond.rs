@@ -67,6 +67,8 @@ pub fn respond<E: From<Error>>(
     let skin = map.skin();
     let fail = |error: ResponseError| E::from(Error::from(error));
     let (mut unit, mut zeros) = (None::<String>, Vec::new());
+    // The channel that counts, if it has one name in all recordings.
+    let mut channel = None::<String>;
     // The channel that counts, of frames with several.
     let mut one = Frame::new(map, 1);
     // Passes all frames on, and what ends. Returns how many episodes there were.
@@ -82,6 +84,9 @@ pub fn respond<E: From<Error>>(
                     .into());
             };
             same_unit(&mut unit, number, &channels[main])?;
+            let name = &channels[main].name;
+            let is_same = channel.as_ref().is_none_or(|known| known == name);
+            channel = Some(if is_same { name.clone() } else { String::new() });
             let is_alone = channels.len() == 1;
             episodes += recording.each_frame(|frame| match frame {
                 None => see(Next::EpisodeEnds),
@@ -114,7 +119,11 @@ pub fn respond<E: From<Error>>(
                 ([taxel.gain, f64::NAN, sigma], TaxelState::Untested)
             });
             let method = format!("{} touches", report.presses);
-            let response = Response { method, ..made(map, unit, &zeros, Scale::Relative, known) };
+            let response = Response {
+                method,
+                channel: channel.unwrap_or_default(),
+                ..made(map, unit, &zeros, Scale::Relative, known)
+            };
             Ok((response, ResponseReport::Touches(report)))
         }
         Reference::Pressure(rows) => {
@@ -134,7 +143,11 @@ pub fn respond<E: From<Error>>(
                 ([curve.gain, curve.exponent, curve.sigma], state)
             });
             let method = format!("{} steps of pressure", report.steps);
-            let response = Response { method, ..made(map, unit, &zeros, Scale::Pascals, known) };
+            let response = Response {
+                method,
+                channel: channel.unwrap_or_default(),
+                ..made(map, unit, &zeros, Scale::Pascals, known)
+            };
             Ok((response, ResponseReport::Pressure(report)))
         }
         Reference::Force(rows, relative) => {
@@ -200,6 +213,7 @@ fn scaled(relative: &Response, report: &ScaleReport) -> Response {
         method: format!("{}; {} known forces", relative.method, report.touches),
         taxels: relative.taxels.iter().map(scaled).collect(),
         unit: relative.unit.clone(),
+        channel: relative.channel.clone(),
     }
 }
 

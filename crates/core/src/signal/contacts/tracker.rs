@@ -264,7 +264,8 @@ impl ContactTracker {
     }
 
     /// What the time of the last frame said.
-    pub(in crate::signal) fn tick(&self) -> Tick {
+    #[doc(hidden)]
+    pub fn tick(&self) -> Tick {
         self.tick
     }
 

@@ -132,6 +132,7 @@ impl History {
     /// Forgets all frames, where times jump.
     pub(super) fn clear(&mut self) {
         self.count = 0;
+        self.first = f64::INFINITY;
     }
 
     /// The place of the frame that is `back` frames before the last.

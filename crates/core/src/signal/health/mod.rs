@@ -37,7 +37,7 @@ use crate::signal::health::survey::Survey;
 use crate::signal::health::touches::Touches;
 use crate::signal::health::window::{View, Window};
 use crate::signal::{Frame, SignalError, Zero};
-use crate::skin::TaxelId;
+use crate::skin::{PatchId, TaxelId};
 
 pub use report::{HealthFinding, HealthReport};
 
@@ -60,7 +60,8 @@ pub struct HealthOptions {
     pub zero: Zero,
     /// A reading above it, less its zero, is a touch; `None`: four times the noise.
     pub threshold: Option<f64>,
-    /// The module of each taxel, by its name; without them no module is judged.
+    /// The module of each taxel, by its name; without them no module is judged. Of an id that several patches have, each
+    /// patch has a module of this name.
     pub modules: Vec<(TaxelId, String)>,
 }
 
@@ -116,16 +117,29 @@ impl Health {
         }
         let around = Around::new(map);
         let taxels = around.len();
-        let mut modules = BTreeMap::<&str, Vec<usize>>::new();
-        let known: BTreeMap<TaxelId, usize> = around.ids.iter().copied().zip(0..).collect();
+        let mut known = BTreeMap::<TaxelId, Vec<usize>>::new();
+        around.ids.iter().zip(0..).for_each(|(id, k)| known.entry(*id).or_default().push(k));
+        let mut members = BTreeMap::<&str, Vec<usize>>::new();
         for (taxel, module) in &options.modules {
-            known.get(taxel).into_iter().for_each(|&k| modules.entry(module).or_default().push(k));
+            members.entry(module).or_default().extend(known.get(taxel).into_iter().flatten());
+        }
+        members.retain(|_, taxels| !taxels.is_empty());
+        // Where patches share ids, each has a module of this name.
+        let mut modules = Vec::new();
+        for taxels in members.into_values() {
+            if !taxels.iter().any(|&k| known[&around.ids[k]].len() > 1) {
+                modules.push(taxels);
+                continue;
+            }
+            let mut of_patches = BTreeMap::<PatchId, Vec<usize>>::new();
+            taxels.into_iter().for_each(|k| of_patches.entry(around.taxels[k].0).or_default().push(k));
+            modules.extend(of_patches.into_values());
         }
         if modules.is_empty() && !options.modules.is_empty() {
             let first = f64::from(options.modules[0].0.0);
             return Err(SignalError::option("the first taxel of the modules", first, "a taxel of the skin"));
         }
-        let modules = modules.into_values().map(|taxels| Module::new(taxels, &around)).collect();
+        let modules = modules.into_iter().map(|taxels| Module::new(taxels, &around)).collect();
         Ok(Self {
             options: options.clone(),
             channel: 0,

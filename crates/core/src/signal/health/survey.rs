@@ -23,8 +23,10 @@ const SATURATED_NOISE: f64 = 8.0;
 /// Noise over the median noise from which on a taxel is noisy; in standard deviations of its logarithm over all taxels.
 const NOISY: f64 = 3.0;
 const NOISY_DEVIATIONS: f64 = 6.0;
-/// Share of the taxels that repeat one reading for ever from which on that is not a fault: readings are cut off at 0.
+/// Share of the taxels that repeat one reading for ever from which on that is not a fault where it is the reading that most of
+/// them repeat, and the least one of this share of those that vary: readings are cut off at 0.
 const MOST_CONSTANT: f64 = 0.2;
+const REACH_REST: f64 = 0.05;
 
 /// Threshold of touches over the noise of [`QUIETER_SHARE`] of the taxels.
 const THRESHOLD: f64 = 4.0;
@@ -112,7 +114,14 @@ impl Survey {
         }
         let varying = || read().filter(|seen| seen.least < seen.most);
         let (varies, all) = (varying().count(), read().count());
-        let is_cut_off = ((all - varies) as f64) > MOST_CONSTANT * all as f64;
+        let is_often_constant = ((all - varies) as f64) > MOST_CONSTANT * all as f64;
+        let mut constants: Vec<f64> =
+            read().filter(|seen| seen.least == seen.most).map(|seen| seen.least).collect();
+        constants.sort_unstable_by(f64::total_cmp);
+        let usual_constant =
+            constants.chunk_by(|a, b| a == b).max_by_key(|same| same.len()).map(|same| same[0]);
+        let reach_it = varying().filter(|seen| Some(seen.least) == usual_constant).count();
+        let is_rest = reach_it as f64 >= REACH_REST * varies as f64;
         let mut runs: Vec<u32> = varying().map(|seen| seen.longest_run).collect();
         runs.sort_unstable();
         let usual_run = runs.get(runs.len() * 9 / 10).copied().unwrap_or(0);
@@ -130,9 +139,11 @@ impl Survey {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share of a length")]
         let upper = sigmas.get((QUIETER_SHARE * sigmas.len() as f64) as usize).copied().unwrap_or(0.0);
         self.threshold = threshold.unwrap_or(THRESHOLD * upper);
+        // Where none varies nothing says what a reading at rest is.
+        let is_cut_off = |x: f64| is_often_constant && is_rest && (usual_constant == Some(x) || varies == 0);
         for (k, _) in is_read.iter().enumerate().filter(|(_, is_read)| **is_read) {
             let (seen, sigma) = (&self.seen[k], self.sigma[k]);
-            self.is_dead[k] = seen.frames == 0 || (seen.least == seen.most && !is_cut_off);
+            self.is_dead[k] = seen.frames == 0 || (seen.least == seen.most && !is_cut_off(seen.least));
             self.is_stuck[k] = !self.is_dead[k] && seen.least < seen.most && seen.longest_run >= longest;
             self.is_noisy[k] = is_known
                 && sigma > NOISY * self.median_sigma

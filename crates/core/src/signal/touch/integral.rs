@@ -1,4 +1,4 @@
-//! Force and centre of pressure of a body on a patch: its pressure integrated over the smooth skin.
+//! Force and centre of pressure of a body on the patches of a link: its pressure integrated over the smooth skin.
 
 use glam::DVec3;
 
@@ -14,13 +14,24 @@ const FINENESS: f64 = 1.0 / 16.0;
 /// Most divisions of an edge, for triangles much larger than the contact.
 const MOST_PARTS: f64 = 256.0;
 
-/// Force and centre of pressure of the whole contact, at most this deep; `None` if nothing is touched.
-pub(super) fn contact(
+/// Force and centre of pressure of the whole contact on these patches, at most this deep; `None` if nothing is touched.
+pub(super) fn contact<'p>(
     probe: &Probe,
     depth: f64,
-    patch: &Patch,
+    patches: impl Iterator<Item = &'p Patch>,
     options: &TouchOptions,
 ) -> Option<(f64, DVec3)> {
+    let (mut volume, mut moment) = (0.0, DVec3::ZERO);
+    for patch in patches {
+        let of_patch = pressed_volume(probe, depth, patch);
+        volume += of_patch.0;
+        moment += of_patch.1;
+    }
+    (volume > 0.0).then(|| (options.stiffness * volume, moment / volume))
+}
+
+/// The volume that a body presses out of a patch, in m^3, and its first moment, in m^4.
+fn pressed_volume(probe: &Probe, depth: f64, patch: &Patch) -> (f64, DVec3) {
     let mesh = &patch.mesh;
     let (centre, reach) = (probe.sphere.centre, probe.reach());
     let radius = (depth * (2.0 * probe.sphere.radius - depth)).max(0.0).sqrt();
@@ -42,7 +53,7 @@ pub(super) fn contact(
             moment += area * depth * point;
         }
     }
-    (volume > 0.0).then(|| (options.stiffness * volume, moment / volume))
+    (volume, moment)
 }
 
 /// Barycentric coordinates of the centres of the `parts` squared equal triangles into which one is divided.

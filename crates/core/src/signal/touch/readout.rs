@@ -5,7 +5,8 @@
 //! noise, a sum of first-order processes with one time constant for each decade; then come noise, limits and jumps.
 //! *Heuristic*: sizes of faults are those of the real recordings of CySkin that have some.
 
-use std::collections::HashSet;
+use std::collections::hash_map::Entry;
+use std::collections::{HashMap, HashSet};
 
 use crate::id::{IdVec, VertexId};
 use crate::mesh::Adjacency;
@@ -13,7 +14,7 @@ use crate::numeric::Random;
 use crate::signal::touch::TouchOptions;
 use crate::signal::touch::faults::{FaultCounts, Faults};
 use crate::signal::{Frame, Quantity, Response, Scale, SignalError, TaxelResponse, TaxelState};
-use crate::skin::{PatchId, Presence, Skin};
+use crate::skin::{PatchId, Presence, Skin, TaxelId};
 
 /// How the readings of taxels differ, and how many are faulty.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -185,18 +186,41 @@ impl Readout {
                 other: other.map(|other| id(&self.taxels[other])),
                 ..TaxelResponse::unknown(id(own))
             };
+        // A response names an id once: where several patches have it, numbers that differ are not known.
+        let (mut live, mut places) = (Vec::<TaxelResponse>::new(), HashMap::<TaxelId, usize>::new());
+        for entry in self.taxels.iter().zip(states).zip(&others).map(of_taxel) {
+            match places.entry(entry.taxel) {
+                Entry::Occupied(place) => live[*place.get()].join(&entry),
+                Entry::Vacant(place) => {
+                    place.insert(live.len());
+                    live.push(entry);
+                }
+            }
+        }
+        let is_live: HashSet<_> = self.live().collect();
+        let mut dead = Vec::new();
+        for (patch, about) in skin.patches.enumerate() {
+            for (taxel, &id) in about.taxels.ids.enumerate() {
+                let is_present = about.taxels.presence[taxel] == Presence::Present;
+                if !is_present || is_live.contains(&(patch, taxel)) {
+                    continue;
+                }
+                match places.get(&id) {
+                    Some(&place) => live[place].state = TaxelState::Dead,
+                    None => {
+                        dead.push(TaxelResponse { state: TaxelState::Dead, ..TaxelResponse::unknown(id) })
+                    }
+                }
+            }
+        }
         let mut seen = HashSet::new();
-        let live = self.taxels.iter().zip(states).zip(&others).map(of_taxel);
-        let live: Vec<_> = live.filter(|entry| seen.insert(entry.taxel)).collect();
-        let all = skin.patches.iter().flat_map(|patch| patch.taxels.ids.iter().zip(&patch.taxels.presence));
-        let dead = all.filter(|(id, presence)| **presence == Presence::Present && seen.insert(**id));
-        let dead = dead
-            .map(|(&taxel, _)| TaxelResponse { state: TaxelState::Dead, ..TaxelResponse::unknown(taxel) });
+        dead.retain(|entry| seen.insert(entry.taxel));
         Response {
             unit: if quantity == Quantity::Extensive { "N" } else { "Pa" }.into(),
             scale: (quantity == Quantity::Intensive).then_some(Scale::Pascals),
             method: "simulated".into(),
-            taxels: dead.chain(live.iter().copied()).collect(),
+            taxels: dead.into_iter().chain(live).collect(),
+            ..Response::default()
         }
     }
 

@@ -24,7 +24,7 @@ pub struct Touch {
     pub time: f64,
     /// Number of the press, from 0 on; simultaneous presses have different numbers.
     pub press: usize,
-    /// The patch that is touched.
+    /// The patch on which it presses; it also touches the others of its link that it reaches.
     pub patch: PatchId,
     /// Centre of the sphere or ellipsoid.
     pub sphere: DVec3,
@@ -210,7 +210,8 @@ impl<'a> TouchSimulation<'a> {
             let patch = &self.skin.patches[id];
             for (&taxel, share) in live.iter().zip(&mut shares) {
                 let mut felt = self.bag.pressure * share;
-                for (probe, touch) in self.contacts.iter_mut().filter(|(_, touch)| touch.patch == id) {
+                let is_here = |touch: &Touch| self.skin.patches[touch.patch].link == patch.link;
+                for (probe, touch) in self.contacts.iter_mut().filter(|(_, touch)| is_here(touch)) {
                     let normal = patch.taxels.normals[taxel];
                     let at = patch.mesh.positions[taxel] - self.sagittas[id][taxel] * normal;
                     let pressure = self.options.stiffness * self.sensor.depth(probe, at, normal);
@@ -295,7 +296,8 @@ impl<'a> TouchSimulation<'a> {
                 TouchShape::Palm => normal,
                 _ => axis.unwrap_or_else(|| normal.any_orthonormal_vector()),
             };
-            if let Some((force, centre)) = contact(&press.probe, press.depth, patch, &self.options) {
+            let of_link = self.skin.patches.iter().filter(|other| other.link == patch.link);
+            if let Some((force, centre)) = contact(&press.probe, press.depth, of_link, &self.options) {
                 let (number, patch) = (press.number, press.patch);
                 let sphere = press.probe.sphere.centre;
                 let touch = Touch { frame, time, press: number, patch, sphere, centre, force, taxels: 0 };

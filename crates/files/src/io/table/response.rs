@@ -20,7 +20,7 @@ const STATES: &str = "ok, untested, or a fault: saturated, crosstalk, chattering
 
 /// Reads the responses of taxels, and the names of columns that are not used: columns `taxel_id` (or `id`),
 /// `zero`, `gain`, `exponent`, `drift`, `sigma`, `state` and `other`, all but the first and one other may be missing, and
-/// empty cells are not known. Lines `# unit: count`, `# scale: relative` (or `Pa`) and `# method: ...` before the first
+/// empty cells are not known. Lines `# unit: count`, `# channel: pressure`, `# scale: relative` (or `Pa`) and `# method: ...` before the first
 /// line are its facts; other lines with `#` are comments.
 ///
 /// # Errors
@@ -38,6 +38,7 @@ pub fn read_response(path: &Path) -> Result<(Response, Vec<String>)> {
         let value = value.trim();
         match key.trim() {
             "unit" => value.clone_into(&mut response.unit),
+            "channel" => value.clone_into(&mut response.channel),
             "method" => value.clone_into(&mut response.method),
             "scale" => {
                 let known =
@@ -99,9 +100,9 @@ fn cell_if_any<T: FromStr>(row: &Row<'_>, column: Option<usize>, needed: &str) -
 /// # Errors
 /// [`IoError::Write`]; an older file stays as it was.
 pub fn write_response(path: impl Into<OutPath>, response: &Response) -> Result<(), IoError> {
-    let Response { unit, scale, method, taxels } = response;
+    let Response { unit, channel, scale, method, taxels } = response;
     let scale = scale.map(|scale| scale.to_string()).unwrap_or_default();
-    let facts = [("unit", unit), ("scale", &scale), ("method", method)];
+    let facts = [("unit", unit), ("channel", channel), ("scale", &scale), ("method", method)];
     // A fact is one line.
     let facts = facts.into_iter().filter(|(_, value)| !value.is_empty());
     let mut header: String =

@@ -6,7 +6,7 @@ use crate::mesh::neighbours;
 use crate::numeric::{Csr, median_of};
 use crate::pyramid::LevelId;
 use crate::signal::noise::QUIETER_SHARE;
-use crate::signal::{Channel, Frame, Stage, Tick, ZeroTracker};
+use crate::signal::{Channel, Frame, Rest, Stage, Tick, ZeroTracker};
 use crate::skin::PatchId;
 
 /// The threshold over `sigma`.
@@ -26,8 +26,10 @@ const SPIKE_SHARE: f64 = 0.12;
 /// Prepares frames; owns its buffers.
 #[derive(Debug, Clone)]
 pub(super) struct Live {
-    /// `None` where readings are near 0 at rest already, because the threshold was given.
+    /// Follows zeros and noise; `None` where readings are near 0 at rest already, because the threshold was given.
     zero: Option<ZeroTracker>,
+    /// What of readings counts: above the zeros that are followed, or above 0.
+    rest: Rest,
     input: Frame,
     /// The taxels next to each one.
     neighbours: IdVec<PatchId, Csr<u32>>,
@@ -42,14 +44,16 @@ pub(super) struct Live {
 }
 
 impl Live {
-    /// `first_frames`: the zero is estimated from this many frames and followed; `None`: it is 0.
-    pub(super) fn new(map: &SkinMap, channel: &Channel, first_frames: Option<usize>) -> Self {
+    /// `first_frames`: the zero is estimated from this many frames and followed, unless readings are at zero at rest: then
+    /// their noise alone is; `None`: it is 0.
+    pub(super) fn new(map: &SkinMap, channel: &Channel, first_frames: Option<usize>, rest: Rest) -> Self {
         let zeros = map.patches.map(|patch| IdVec::filled(0.0, patch.taxels.ids.len()));
         let neighbours = map.patches.map(|patch| neighbours([&patch.levels[LevelId::new(0)].level.mesh]));
         let taxels = zeros.iter().map(|patch| patch.len()).sum();
         Self {
             zero: first_frames
                 .map(|frames| ZeroTracker::starting(map, std::slice::from_ref(channel), 0.0, frames)),
+            rest,
             input: Frame::new(map, 1),
             neighbours,
             excess: zeros.clone(),
@@ -73,7 +77,13 @@ impl Live {
             self.input.values[patch][0].as_mut_slice().copy_from_slice(channels[channel].as_slice());
         }
         self.input.time = frame.time;
-        let above = self.zero.as_mut().map_or(&self.input, |zero| zero.apply(&self.input));
+        let above = match &mut self.zero {
+            Some(zero) => {
+                let above = zero.apply(&self.input);
+                if self.rest == Rest::AtZero { &self.input } else { above }
+            }
+            None => &self.input,
+        };
         for (excess, channels) in self.excess.iter_mut().zip(&above.values) {
             excess.as_mut_slice().copy_from_slice(channels[0].as_slice());
         }

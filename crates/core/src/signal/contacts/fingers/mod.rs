@@ -104,7 +104,7 @@ impl Fingers {
         });
         let taxels = joined.mesh.positions.len();
         Self {
-            live: Live::new(map, channel, first_frames),
+            live: Live::new(map, channel, first_frames, options.rest),
             places,
             ridges: Ridges::new(centres),
             over_gaps,
@@ -132,7 +132,8 @@ impl Fingers {
         threshold.and_then(|_| self.live.sigma(threshold)).map(|sigma| HIGH * sigma)
     }
 
-    /// The readings above zero, and these without faults, smoothed.
+    /// The readings above zero, which is followed unless they are [at zero](crate::signal::Rest::AtZero) at rest, and these
+    /// without faults, smoothed.
     pub(super) fn excess(&self, patch: PatchId) -> &IdVec<VertexId, f64> {
         &self.live.excess[patch]
     }
