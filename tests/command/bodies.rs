@@ -294,6 +294,57 @@ fn a_drawn_skin_follows_touches() {
     assert_eq!(column(at, "bare_out.csv", "sigma"), column(at, "followed.csv", "sigma"));
 }
 
+/// A followed skin that is refused at the end does not stay from a fit to fewer touches: what was there before comes back.
+#[test]
+fn a_refused_skin_does_not_stay_on_the_disk() {
+    let folder = folder();
+    let at = folder.path();
+    let (_, mut taxels) = drawing();
+    let ids: Vec<u32> = taxels.iter().map(|(id, _)| *id).collect();
+    taxels.iter_mut().enumerate().for_each(|(k, taxel)| taxel.0 = ids[(k * 11 + 5) % ids.len()]);
+    let shuffled = contacts(&taxels);
+    fs::write(at.join("shuffled.csv"), &shuffled).unwrap();
+    refuses(at, "calibrate shuffled.csv --cad cad.csv -o out.csv", &["nothing was written"]);
+    let follow = "calibrate - --follow --cad cad.csv --every 10 -o out.csv";
+    for before in [None, Some("the skin of yesterday\n")] {
+        before.map(|text| fs::write(at.join("out.csv"), text).unwrap());
+        let run = dermatome(at, follow).write_stdin(shuffled.clone()).assert().code(2);
+        let said = String::from_utf8_lossy(&run.get_output().stderr).into_owned();
+        assert!(said.contains("earlier tables are taken back"), "{said}");
+        assert_eq!(fs::read_to_string(at.join("out.csv")).ok().as_deref(), before);
+    }
+    dermatome(at, &format!("{follow} --keep")).write_stdin(shuffled).assert().code(2);
+    assert_eq!(column(at, "out.csv", "x").len(), 28);
+}
+
+/// Tables that `touches` writes of logs where some rows have a contact or an orientation are read: empty cells are none. A log behind
+/// another one, whose touches count from 0 again, is refused.
+#[test]
+fn empty_cells_of_touches_are_none() {
+    let folder = folder();
+    let at = folder.path();
+    let (_, taxels) = drawing();
+    let text = contacts(&taxels);
+    let some = |(k, line): (usize, &str)| {
+        let mut cells: Vec<&str> = line.split(',').collect();
+        if k > 20 {
+            // The contact and the orientation of the probe.
+            [5, 7, 8, 9, 10].into_iter().for_each(|column| cells[column] = "");
+        }
+        cells.join(",") + "\n"
+    };
+    fs::write(at.join("some.csv"), text.lines().enumerate().map(some).collect::<String>()).unwrap();
+    dermatome(at, "calibrate some.csv --cad cad.csv -o out.csv").assert().success();
+    refuses(at, "calibrate some.csv --cad cad.csv --fit-probe -o out.csv", &["row 21", "no orientation"]);
+    let again: String = text.lines().chain(text.lines().skip(1)).map(|line| format!("{line}\n")).collect();
+    fs::write(at.join("again.csv"), again).unwrap();
+    refuses(
+        at,
+        "calibrate again.csv --cad cad.csv -o out.csv",
+        &["rows 1 and following", "row 57 has its taxel 0"],
+    );
+}
+
 /// Real touches of a Nao's torso by its own finger: contacts that were held back are predicted, and the offset of the
 /// finger is found. Bounds: 3.5 mm in the median and 6.6 mm for 90 %, and no worse than the mount alone.
 #[test]

@@ -118,6 +118,12 @@ fn poses_and_readings_may_be_files_of_their_own() {
     fs::write(folder.join("late.csv"), late).unwrap();
     let words = "touches late.csv -o c.csv --readings readings.csv --pose poses.csv";
     refuses(folder, words, &["line 2", "9000", "the readings are from 0 to", "one clock"]);
+    // Two runs of the clock are not one motion.
+    let pose = |time: f64| format!("{time},arm,1,2,3,0,0,1,0\n");
+    let rows: String = [0.0, 1.0, 2.0, 0.5, 1.5].map(pose).concat();
+    fs::write(folder.join("twice.csv"), format!("time,link,x,y,z,qx,qy,qz,qw\n{rows}")).unwrap();
+    let words = "touches log.csv -o c.csv --readings readings.csv --pose twice.csv";
+    refuses(folder, words, &["line 5", "one run of the clock"]);
 }
 
 /// Readings in mN or kPa mean what they mean in N, where a stiffness turns them into depths.
@@ -470,6 +476,14 @@ fn broken_logs_are_refused() {
         refuses(folder, "touches log.csv -o c.csv", &[said]);
         assert!(!folder.join("c.csv").exists(), "nothing is written");
     }
+    fs::write(
+        folder.join("log.csv"),
+        format!(
+            "{header}\n0,0,a,0,0,0,0,0,0,1,0,0,0.1,0.01,3:1;4:1\n1,0,a,0,0,0,0,0,0,1,0,0,0.101,0.01,3:1;4:1\n"
+        ),
+    )
+    .unwrap();
+    refuses(folder, "touches log.csv -o c.csv --skip 999", &["taxel 999"]);
     fs::write(folder.join("log.csv"), "time,taxels\n0,3\n").unwrap();
     refuses(folder, "touches log.csv -o c.csv", &["a column `px`"]);
     refuses(folder, "simulate --arm -o -", &["-o log.csv"]);

@@ -12,7 +12,7 @@ use dermatome::calib::{
 use dermatome::id::{IdVec, VertexId};
 use dermatome::mesh::shapes;
 use dermatome::run::Run;
-use dermatome::skin::{PatchId, Skin, TaxelId};
+use dermatome::skin::{Draft, PatchId, Presence, Sheet, Skin, TaxelId};
 use glam::{DQuat, DVec3};
 
 /// Random numbers of a seed (splitmix64).
@@ -616,6 +616,103 @@ fn normals_that_point_inwards_are_refused() {
     let wrong = fit_bodies(&observations, &cad, &options).unwrap();
     assert!(wrong.side < -20.0, "{}", wrong.side);
     assert!(wrong.faults()[0].contains("mirrored"), "{:?}", wrong.faults());
+    // One patch of two: the sum of all does not tell.
+    let mut cad = drawn.cad();
+    for taxel in cad.taxels.iter_mut().filter(|taxel| taxel.module.index() >= PER_PATCH) {
+        taxel.normal = taxel.normal.map(|normal| -normal);
+    }
+    let mixed = fit_bodies(&observations, &cad, &options).unwrap();
+    assert!(mixed.side > -4.0 && mixed.sides[0].1 > 10.0 && mixed.sides[1].1 < -10.0, "{:?}", mixed.sides);
+    assert!(mixed.faults()[0].contains("patch p1"), "{:?}", mixed.faults());
+    // Two touches do not tell, however certain.
+    let few = |k: u64| k < 2;
+    for row in observations.touches.iter_mut() {
+        row.outward = row.outward.map(|outward| if few(row.touch.unwrap()) { -outward } else { DVec3::ZERO });
+    }
+    assert_eq!(fit_bodies(&observations, &drawn.cad(), &options).unwrap().side, 0.0);
+}
+
+/// Ids that are exchanged within each patch of a long link are seen, though the patches are where the touches are.
+#[test]
+fn ids_exchanged_within_patches_are_seen() {
+    let mut drawn = Drawn::new(40);
+    for (m, module) in drawn.modules.iter_mut().enumerate() {
+        module.iter_mut().for_each(|x| x.z += 0.6 * (m / PER_PATCH) as f64);
+    }
+    let mut random = Random(21);
+    let truth = drawn.spoiled(&mut random, &Spoil::default(), |module| module);
+    let mut observations = touches(&truth, &mut random, 0..40, 10, STILL, 1);
+    let options = BodyOptions { folds: Some(Folds::default()), ..BodyOptions::default() };
+    let right = fit_bodies(&observations, &drawn.cad(), &options).unwrap();
+    let explained = &right.held_back.as_ref().unwrap().explained_of_patches;
+    assert!(right.faults().is_empty() && explained.iter().all(|x| x.unwrap() > 0.9), "{explained:?}");
+    // Each patch has ids 1000 p + 100 m + k; the ids of a patch are shuffled among themselves.
+    let ids: Vec<TaxelId> = observations.taxels.iter().map(|taxel| taxel.id).collect();
+    for patch in 0..4 {
+        let own: Vec<usize> = (0..ids.len()).filter(|k| ids[*k].0 / 1000 == patch).collect();
+        for (n, &k) in own.iter().enumerate() {
+            observations.taxels[VertexId::new(k)].id = ids[own[(n * 37 + 11) % own.len()]];
+        }
+        assert!(!own.len().is_multiple_of(37));
+    }
+    let wrong = fit_bodies(&observations, &drawn.cad(), &options).unwrap();
+    let held_back = wrong.held_back.as_ref().unwrap();
+    println!("{} of all, {:?}", held_back.explained, held_back.explained_of_patches);
+    assert!(held_back.explained > 0.85, "{}", held_back.explained);
+    assert!(
+        wrong.faults().iter().any(|fault| fault.contains("touches of the patch p")),
+        "{:?}",
+        wrong.faults()
+    );
+}
+
+/// A radius that touches lack is that of the others, if all agree.
+#[test]
+fn missing_radii_are_those_of_the_other_touches() {
+    let drawn = Drawn::new(20);
+    let mut random = Random(12);
+    let truth =
+        drawn.spoiled(&mut random, &Spoil { mount: [25.0, 8.0], ..Spoil::default() }, |module| module);
+    let mut observations = touches(&truth, &mut random, 0..20, 10, Probe { noise: 1e-3, ..STILL }, 1);
+    spheres(&truth, &drawn, &mut observations);
+    let options = BodyOptions::default();
+    let whole = fit_bodies(&observations, &drawn.cad(), &options).unwrap();
+    for row in observations.touches.iter_mut().filter(|row| row.touch.is_some_and(|number| number % 2 == 1)) {
+        row.body = row.body.map(|body| TouchingBody { radius: 0.0, ..body });
+    }
+    let half = fit_bodies(&observations, &drawn.cad(), &options).unwrap();
+    assert_eq!((whole.assumed_radii, half.assumed_radii), (0, 100));
+    assert!(half.taxels.iter().zip(&whole.taxels).all(|(a, b)| a.position.distance(b.position) < 1e-9));
+    let first = ContactId::new(0);
+    observations.touches[first].body.as_mut().unwrap().radius = 0.02;
+    let number = observations.touches[first].touch;
+    for row in observations.touches.iter_mut().filter(|row| row.touch == number) {
+        row.body.as_mut().unwrap().radius = 0.02;
+    }
+    let error = fit_bodies(&observations, &drawn.cad(), &options).unwrap_err().to_string();
+    assert!(error.contains("without its radius, as 100 touches"), "{error}");
+}
+
+/// Slots without a taxel and placeholders are no taxels of a drawing.
+#[test]
+fn empty_slots_of_a_drawing_are_left_out() {
+    let slots = |presence: Option<Vec<Presence>>| Draft {
+        sheets: vec![Sheet {
+            name: "palm".into(),
+            ids: Some([7, 8, u32::MAX, u32::MAX, 9].map(TaxelId).to_vec()),
+            positions: [0.0, 0.01, 0.02, 0.03, f64::NAN].map(|x| DVec3::new(x, 0.0, 0.1)).to_vec(),
+            modules: Some(vec![0, 0, 1, 1, 1]),
+            presence,
+            ..Sheet::default()
+        }],
+        ..Draft::default()
+    };
+    let absent =
+        [Presence::Present, Presence::Present, Presence::Present, Presence::Absent, Presence::Absent];
+    let cad = CadSkin::of_draft(&slots(Some(absent.to_vec())), None).unwrap();
+    assert_eq!(cad.taxels.iter().map(|taxel| taxel.id.0).collect::<Vec<_>>(), [7, 8]);
+    assert_eq!(cad.modules.len(), 1);
+    assert!(CadSkin::of_draft(&slots(None), None).is_err(), "a taxel that is there needs a position");
 }
 
 /// Repeats of a contact change nothing: neither the result nor its covariances.
@@ -881,6 +978,17 @@ fn unfit_input_is_refused() {
         },
         &options,
         "are of one touch, but repeat different contacts",
+    );
+    refused(
+        &|o| {
+            // A log whose touches count from 0 again, behind the first one.
+            let row = o.contacts[ContactId::new(0)].clone();
+            o.contacts.push(row);
+            let touch = o.touches[ContactId::new(0)].clone();
+            o.touches.push(touch);
+        },
+        &options,
+        &format!("rows 1 and following of the contacts are of one touch, and row {}", number + 1),
     );
     refused(
         &|_| (),

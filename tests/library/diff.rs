@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use dermatome::calib::{CalibOptions, SimulateOptions, calibrate, simulate};
 use dermatome::diff::{Change, ChangeKind, Diff, DiffError, DiffOptions, MatchedBy, Subject, diff};
-use dermatome::skin::{Covariance, Draft, Link, LinkId, Sheet, TaxelId};
+use dermatome::skin::{Covariance, Draft, Link, LinkId, Presence, Sheet, TaxelId};
 use glam::{DAffine3, DQuat, DVec3};
 
 use crate::common;
@@ -282,7 +282,74 @@ fn files_without_a_common_taxel_are_refused() {
     assert_eq!(compared(&before, &after).by, MatchedBy::Row);
     after.0.ids = Some((0..144).map(|k| TaxelId(k.max(2))).collect());
     let found = compared(&before, &after);
-    assert_eq!((found.ambiguous, found.matched), ([0, 3], 141));
+    // Which of them the taxel of the first file is, is not known: it is not missing.
+    assert_eq!((found.ambiguous, found.matched), ([1, 3], 141));
+    assert!(found.changes.iter().all(|change| !change.taxels.contains(&TaxelId(2))), "{:?}", found.changes);
+}
+
+/// Taxels that share ids are told apart by their links, and where these share them by their patches; where the names of two files do
+/// not tell, they are counted.
+#[test]
+fn shared_ids_are_told_apart_by_link_and_patch() {
+    let links = |names| {
+        let mut draft = on_two_links(names);
+        draft.sheets[1].ids = draft.sheets[0].ids.clone();
+        draft
+    };
+    let before = links(["upper", "lower"]);
+    let mut after = before.clone();
+    assert_eq!(diff(&before, &after, &DiffOptions::default()).unwrap().matched, 72);
+    after.sheets[1].positions[7].x += 0.002;
+    let found = diff(&before, &after, &DiffOptions::default()).unwrap();
+    let [Change { kind: ChangeKind::Moved, link, taxels, .. }] = &found.changes[..] else {
+        panic!("{:?}", found.changes)
+    };
+    assert_eq!((&**link, &taxels[..], found.ambiguous), ("lower", &[TaxelId(8)][..], [0, 0]));
+    // Two patches of one link.
+    let of_one = |draft: &Draft| {
+        let mut one = draft.clone();
+        one.sheets[1].link = one.sheets[0].link;
+        one.sheets[1].positions.iter_mut().for_each(|x| x.y += 0.1);
+        one
+    };
+    let found = diff(&of_one(&before), &of_one(&after), &DiffOptions::default()).unwrap();
+    assert_eq!((found.matched, found.changes.len(), &*found.changes[0].patch), (72, 1, "p1"));
+    // A patch less is missing; a file that shares no id is compared where names agree.
+    let mut less = before.clone();
+    less.sheets[1].positions.truncate(30);
+    less.sheets[1].ids.as_mut().unwrap().truncate(30);
+    let found = diff(&before, &less, &DiffOptions::default()).unwrap();
+    assert_eq!((found.changes[0].kind, found.changes[0].taxels.len()), (ChangeKind::Missing, 6));
+    let found = diff(&on_two_links(["upper", "lower"]), &before, &DiffOptions::default()).unwrap();
+    let kinds: Vec<ChangeKind> = found.changes.iter().map(|change| change.kind).collect();
+    assert_eq!((found.matched, kinds), (36, vec![ChangeKind::Missing, ChangeKind::New]));
+    let renamed = diff(&before, &links(["upper", "other"]), &DiffOptions::default()).unwrap();
+    assert_eq!((renamed.matched, renamed.ambiguous, renamed.changes.len()), (36, [36, 36], 0));
+}
+
+/// What taxels sense is compared, without a word on it touch; regions are if both files have them.
+#[test]
+fn modalities_and_regions_are_compared() {
+    let before = Taxels::sheet();
+    let pads = before.members(3);
+    let mut after = before.clone();
+    let presence = |k| if pads.contains(&k) { Presence::ThermalPad } else { Presence::Present };
+    after.0.presence = Some((0..144).map(presence).collect());
+    let change = the_change(&before, &after);
+    assert_eq!(
+        (change.kind, change.other.as_deref(), change.taxels.len()),
+        (ChangeKind::Modality, Some("thermal"), 9)
+    );
+    let mut named = before.clone();
+    named.0.modalities =
+        Some((0..144).map(|k| Some(if pads.contains(&k) { "thermal" } else { "touch" }.into())).collect());
+    assert_eq!(compared(&after, &named).changes, [], "two ways to say it");
+    let [mut first, mut second] = [before.clone(), before.clone()];
+    first.0.regions = Some(vec![None; 144]);
+    second.0.regions = Some((0..144).map(|k| pads.contains(&k).then(|| "thumb".into())).collect());
+    let change = the_change(&first, &second);
+    assert_eq!((change.kind, change.other.as_deref()), (ChangeKind::Region, Some("thumb")));
+    assert_eq!(compared(&before, &second).changes, [], "a file without regions");
 }
 
 /// Normal numbers from a seed.
@@ -550,6 +617,14 @@ fn the_command_lists_changes() {
     let run = common::dermatome(&folder, "diff a.csv a.csv --modules 12").assert().success();
     assert_eq!(run.get_output().stdout, b"144 taxels compared by id, 0 changes\n");
     common::refuses(&folder, "diff a.csv b.csv --modules 0", &["from 1 on"]);
+    for option in ["--spacing 3mm", "--outer", "--repair", "--gap 3", "--outside z", "--weld all"] {
+        let name = option.split(' ').next().unwrap();
+        common::refuses(&folder, &format!("diff a.csv a.csv {option}"), &[name, "changes nothing"]);
+    }
+    let twice = std::fs::read_to_string(folder.path().join("a.csv")).unwrap().replace("\n2,", "\n1,");
+    std::fs::write(folder.path().join("twice.csv"), twice).unwrap();
+    let run = common::dermatome(&folder, "diff twice.csv twice.csv").assert().code(1);
+    assert!(String::from_utf8_lossy(&run.get_output().stderr).contains("2 taxels not compared"));
     let text = std::fs::read_to_string(folder.path().join("a.csv")).unwrap();
     let with_modules: String = text
         .lines()

@@ -3,13 +3,17 @@
 use std::collections::BTreeMap;
 
 use dermatome::calib::Pose;
+use dermatome::id::IdVec;
 use dermatome::io::{read_observations, write_touch_contacts};
-use dermatome::skin::TaxelId;
+use dermatome::mesh::shapes;
+use dermatome::signal::Channel;
+use dermatome::skin::{Link, LinkId, Motion, MotionFrame, Skin, TaxelId};
 use dermatome::touches::{
-    ArmOptions, ArmSimulation, Drawing, LeftOutReading, LogFaults, TouchBody, TouchContact, TouchFrame,
-    TouchLog, TouchesOptions, contacts_of_touches, simulate_arm,
+    ArmOptions, ArmSimulation, Drawing, LeftOutReading, LogFaults, LogFindingKind, RowSources, TouchBody,
+    TouchContact, TouchFrame, TouchLog, TouchReadings, TouchRow, TouchesOptions, contacts_of_touches,
+    examine_log, links_of_rows, log_of_rows, simulate_arm,
 };
-use glam::{DMat3, DQuat, DVec3};
+use glam::{DAffine3, DMat3, DQuat, DVec3};
 
 /// The weighted mean of the contacts of each taxel, and how many there are.
 fn positions(contacts: &[TouchContact]) -> BTreeMap<TaxelId, (DVec3, usize)> {
@@ -383,4 +387,160 @@ fn readings_show_which_side_is_outside() {
     assert!(outward.z > 10.0 && outward.normalize().z > 0.9, "{outward}");
     let body = found.contacts[0].body.unwrap();
     assert!((body.radius - 0.01).abs() < 1e-9 && (body.centre.z - 0.0097).abs() < 1e-4, "{body:?}");
+}
+
+/// The arm of the tests of whole logs: 60 taxels, 0.5 mm of noise.
+fn small_arm() -> ArmSimulation {
+    simulate_arm(&ArmOptions { taxels: 60, arm_noise: 5e-4, ..ArmOptions::default() }).unwrap()
+}
+
+/// A robot that rolls over its skin without lifting has one touch, which does not tell the side.
+#[test]
+fn one_long_touch_does_not_decide_the_side() {
+    let mut simulation = small_arm();
+    simulation.log.frames.iter_mut().for_each(|frame| frame.touch = 0);
+    let found = contacts_of_touches(&simulation.log, &TouchesOptions::default()).unwrap();
+    let truth = |id: TaxelId| simulation.truth[id.0.into()].position;
+    let far = rms(positions(&found.contacts).into_iter().map(|(id, (at, _))| at.distance(truth(id))));
+    println!("{:.2} mm", 1e3 * far);
+    assert!(far < 2e-3, "{far} m");
+}
+
+/// Lengths of another unit, also of the radius alone, and a log that is mostly left out are refused.
+#[test]
+fn what_is_no_log_of_a_skin_in_metres_is_refused() {
+    let simulation = small_arm();
+    let kind = |change: &dyn Fn(&mut TouchFrame)| {
+        let mut log = simulation.log.clone();
+        log.frames.iter_mut().for_each(change);
+        let error = contacts_of_touches(&log, &TouchesOptions::default()).unwrap_err();
+        (error.kind(), examine_log(&log).unwrap().findings[0].kind)
+    };
+    let scaled = |by: f64| {
+        move |frame: &mut TouchFrame| {
+            if let TouchBody::Sphere { radius, .. } = &mut frame.body {
+                *radius *= by;
+            }
+        }
+    };
+    assert_eq!(kind(&scaled(1e3)), ("radius", LogFindingKind::Radius));
+    assert_eq!(kind(&scaled(10.0)), ("profile", LogFindingKind::Readings));
+    let in_mm = |frame: &mut TouchFrame| {
+        if let TouchBody::Sphere { centre, .. } = &mut frame.body {
+            *centre *= 1e3;
+        }
+    };
+    assert_eq!(kind(&in_mm), ("lengths", LogFindingKind::Unit));
+    let options = TouchesOptions { left_out: [TaxelId(999)].into(), ..TouchesOptions::default() };
+    let error = contacts_of_touches(&simulation.log, &options).unwrap_err();
+    assert_eq!(error.kind(), "unknown_left_out");
+    assert!(options.left_out_of(&simulation.log).left_out.is_empty());
+}
+
+/// Rows of a log, a frame each, of one taxel; `x` is where the body is.
+fn row(row: usize, time: f64, x: f64) -> TouchRow {
+    TouchRow {
+        row,
+        time: Some(time),
+        touch: None,
+        contact: None,
+        link: "arm".into(),
+        pose: Some(Pose::default()),
+        body: TouchBody::Sphere { centre: DVec3::new(x, 0.0, 0.0), radius: 0.0 },
+        body_rotation: None,
+        body_link: None,
+        felt: Some(vec![(TaxelId(3), Some(1.0))]),
+    }
+}
+
+/// Without numbers a touch ends at a pause and at rows of another link, not where a few frames are missing.
+#[test]
+fn touches_end_at_pauses_and_rows_of_other_links() {
+    let at = |times: &[f64]| times.iter().zip(2..).map(|(t, k)| row(k, *t, 0.0)).collect::<Vec<_>>();
+    let numbers = |rows: &[TouchRow]| {
+        let sources = RowSources { link: Some("arm"), ..RowSources::default() };
+        log_of_rows(rows, &sources).unwrap().log.frames.iter().map(|frame| frame.touch).collect::<Vec<_>>()
+    };
+    assert_eq!(numbers(&at(&[0.0, 0.1, 0.2, 0.5, 0.6, 3.0, 3.1])), [0, 0, 0, 0, 0, 1, 1]);
+    let mut rows = at(&[0.0, 0.1, 0.2, 0.3]);
+    rows[2].link = "hand".into();
+    assert_eq!(numbers(&rows), [0, 0, 1]);
+}
+
+/// Poses that a table has at these times, of a link that moves by 1 m/s along x.
+fn moving(times: &[f64]) -> (Motion, IdVec<LinkId, Link>) {
+    let links = links_of_rows(&[row(2, 0.0, 0.0)], []);
+    let mut motion = Motion::default();
+    let keys: Vec<(f64, DAffine3)> =
+        times.iter().map(|&t| (t, DAffine3::from_translation(DVec3::new(t, 0.0, 0.0)))).collect();
+    motion.set(LinkId::from(0), MotionFrame::World, &keys).unwrap();
+    (motion, links)
+}
+
+/// Where a link was in a pause of its poses is not known: such rows are left out. A clock that begins anew is refused.
+#[test]
+fn poses_are_not_invented() {
+    let (motion, links) = moving(&[0.0, 0.1, 0.2, 0.3, 2.0, 2.1, 2.2]);
+    let log = |times: &[f64]| {
+        let rows: Vec<TouchRow> = times
+            .iter()
+            .zip(2..)
+            .map(|(t, k)| TouchRow { pose: None, touch: Some(k as u64), ..row(k, *t, 0.0) })
+            .collect();
+        log_of_rows(&rows, &RowSources { motion: Some((&motion, &links)), ..RowSources::default() })
+    };
+    let made = log(&[0.05, 0.25, 1.0, 1.5, 2.05]).unwrap();
+    assert_eq!((made.unposed, made.log.frames.len()), (2, 3));
+    assert!(made.remarks()[0].contains("in a pause of the poses"), "{:?}", made.remarks());
+    assert_eq!(log(&[0.05, 0.25, 0.1]).unwrap_err().kind(), "clock_restarts");
+}
+
+/// Readings: the period is the usual step, ids are those of one column, most are 0 at rest, and the channel measures touches.
+#[test]
+fn readings_that_are_not_of_touches_are_refused() {
+    let rows = |times: &[f64]| -> Vec<TouchRow> {
+        times.iter().zip(2..).map(|(t, k)| TouchRow { felt: None, ..row(k, *t, 0.0) }).collect()
+    };
+    let readings = |ids: [u32; 2], rest: f64| {
+        let mut readings =
+            TouchReadings { ids: ids.map(TaxelId).to_vec(), threshold: 0.5, ..TouchReadings::default() };
+        for k in 0..40 {
+            // A pause of ten seconds, which a mean step would count.
+            let time = 0.1 * f64::from(k) + if k < 20 { 0.0 } else { 10.0 };
+            readings.push(time, &[rest + f64::from(u8::from(k % 4 == 0)), rest]).unwrap();
+        }
+        readings
+    };
+    let log = |times: &[f64], readings: &TouchReadings| {
+        log_of_rows(&rows(times), &RowSources { readings: Some(readings), ..RowSources::default() })
+    };
+    assert_eq!(log(&[0.4, 12.4], &readings([3, 4], 0.0)).unwrap().log.frames.len(), 2);
+    assert_eq!(log(&[0.4, 2.2], &readings([3, 4], 0.0)).unwrap_err().kind(), "off_clock");
+    assert_eq!(log(&[0.4], &readings([3, 3], 0.0)).unwrap_err().kind(), "column_twice");
+    assert_eq!(log(&[0.4], &readings([3, 4], 2000.0)).unwrap_err().kind(), "always_active");
+    let mut of = readings([3, 4], 0.0);
+    let heat = Channel::new("temperature", "degC").unwrap();
+    assert_eq!(of.set_threshold(&heat, None, None).unwrap_err().kind(), "not_of_touch");
+    let force = Channel::new("force", "N").unwrap();
+    of.set_threshold(&force, None, Some(0.02)).unwrap();
+    assert_eq!(of.threshold, 0.02);
+    of.set_threshold(&force, Some(0.3), Some(0.02)).unwrap();
+    assert_eq!(of.threshold, 0.3);
+}
+
+/// A log names a link of the skin, if that has several.
+#[test]
+fn a_link_that_the_skin_lacks_is_refused() {
+    let mut skin = Skin::from_mesh("a", shapes::fan(6));
+    assert!(Drawing::of_link(&skin, "Hand").is_ok(), "there is one");
+    let other = skin.patches.iter().next().unwrap().clone();
+    let link = |name: &str| Link { name: name.into(), parent: None, pose: DAffine3::IDENTITY };
+    skin.links = vec![link("hand"), link("arm")].into();
+    let mut other = other;
+    other.link = LinkId::from(1);
+    other.taxels.ids.iter_mut().for_each(|id| id.0 += 100);
+    skin.patches.push(other);
+    assert!(Drawing::of_link(&skin, "hand").is_ok() && Drawing::of_link(&skin, "").is_ok());
+    let error = Drawing::of_link(&skin, "Hand").unwrap_err().to_string();
+    assert!(error.contains("hand, arm"), "{error}");
 }

@@ -18,11 +18,11 @@ use crate::files::outputs;
 use crate::files::pictures::{picture_kind, write_picture};
 use crate::options::{Common, InPath, ModulesArg, OutFile, ReadArgs, length_mm, modules_arg};
 
-/// List what changed between two files of one skin: exit code 1 if anything did.
+/// List what changed between two files of one skin: exit code 1 if anything did, or taxels cannot be matched.
 ///
-/// Taxels are matched by id, links by name; each link is aligned by the motion that most of its taxels follow. Modules and
+/// Taxels are matched by id, those that share one by link and patch, too, and links by name; each link is aligned by the motion that most of its taxels follow. Modules and
 /// taxels are compared with their neighbours: moved, turned, swapped, mirrored, renumbered, missing and new ones are
-/// listed, and other links, normals, areas and modules.
+/// listed, and other links, normals, areas, modules, modalities and regions.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// The skin before: any file that `build` or `calibrate` reads or writes
@@ -56,6 +56,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     args.output.as_deref().map_or(Ok(()), outputs::check_table)?;
     let plot = args.plot.as_deref();
     plot.map_or(Ok(()), |path| picture_kind(path).map(|_| ()))?;
+    args.read.allow_as_written("diff compares files as they are written")?;
     let [before, after] = [&args.before, &args.after].map(|path| read_draft_of(path, &args.read, false));
     let (before, after) = (before?, after?);
     let modules = match &args.modules {
@@ -77,7 +78,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     outputs::publish(common)?;
     for (path, count) in [&args.before, &args.after].into_iter().zip(found.ambiguous) {
         if count > 0 {
-            note!(common, "{}: {count} taxels left out, since their ids are not unique", path.display());
+            note!(common, "{}: {count} taxels not compared, since their ids are not unique", path.display());
         }
     }
     for link in found.links.iter().filter(|link| 2 * link.unchanged < link.taxels) {
@@ -96,7 +97,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     } else {
         print(&sentences(&found))?;
     }
-    Ok(if found.changes.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(INCOMPLETE) })
+    let is_whole = found.ambiguous == [0, 0];
+    Ok(if found.changes.is_empty() && is_whole { ExitCode::SUCCESS } else { ExitCode::from(INCOMPLETE) })
 }
 
 /// Draws the changes on the map of the first file, and writes the picture unless it is printed.
@@ -154,6 +156,11 @@ fn sentence(change: &Change) -> String {
         }
         ChangeKind::Tilted => format!("has other normals, turned by up to {degrees:.1} deg"),
         ChangeKind::Resized => "has other areas".into(),
+        ChangeKind::Modality => format!("senses {}", other.as_deref().unwrap_or_default()),
+        ChangeKind::Region => match other.as_deref() {
+            Some(region) if !region.is_empty() => format!("is in the region {region}"),
+            _ => "is in no region".into(),
+        },
         ChangeKind::Regrouped => format!("belongs to the module {}", other.as_deref().unwrap_or_default()),
     };
     let sure = if sigmas.is_nan() { String::new() } else { format!(" ({sigmas:.1} sigma)") };

@@ -51,7 +51,7 @@ pub(crate) struct Args {
     /// --skin in its order
     #[arg(long, value_name = "R")]
     readings: Option<InPath>,
-    /// A taxel is active above this, in the unit of the readings [default: five times the noise]
+    /// A taxel is active above this, in the unit of the readings [default: as they state, or five times the noise]
     #[arg(long, value_name = "X", value_parser = positive, requires = "readings")]
     threshold: Option<f64>,
     /// Poses of links: a table with columns link,x,y,z,qx,qy,qz,qw and, if they move, time in s; or a robot (.urdf,
@@ -128,7 +128,9 @@ struct Summary {
 struct LeftOut {
     rows_of_other_links: usize,
     rows_without_taxel: usize,
+    rows_without_pose: usize,
     touches: usize,
+    taxels: usize,
     frames: usize,
     readings: usize,
     spikes: Vec<Spike>,
@@ -170,6 +172,11 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         drawing: drawing.map_err(Error::from).with_context(|| args.about())?,
         left_out: args.left_out(common)?,
     };
+    let options = match &args.skip {
+        // A table of faults has the taxels of the whole skin.
+        Some(SkipArg::File(_)) => options.left_out_of(&made.log),
+        _ => options,
+    };
     let found =
         contacts_of_touches(&made.log, &options).map_err(Error::from).with_context(|| args.about())?;
     write_touch_contacts(common.outputs.file(&args.output), &found).map_err(Error::from)?;
@@ -188,7 +195,9 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
             left_out: LeftOut {
                 rows_of_other_links: made.others,
                 rows_without_taxel: made.silent,
+                rows_without_pose: made.unposed,
                 touches: summary.empty_touches,
+                taxels: summary.lost_taxels,
                 frames: summary.untimed,
                 readings: summary.lone,
                 spikes: summary.spikes.iter().map(Spike::new).collect(),
@@ -236,10 +245,12 @@ impl Args {
         };
         let recording = |path: &InPath| self.recording(path, skin, link, common);
         let readings = self.readings.as_ref().map(recording).transpose()?;
+        let times = columns.as_ref().map(JointColumns::all_times);
         let joints = columns.as_ref().zip(values.as_ref()).filter(|_| self.fit_joints);
         let joints = joints.map(|(columns, values)| columns.source(&values.given));
         let sources = RowSources {
             motion: motion.as_ref().map(|motion| (motion, &links)),
+            pose_times: times.as_deref(),
             readings: readings.as_ref(),
             radius: self.radius,
             link: self.link.as_deref(),
@@ -298,7 +309,9 @@ impl Args {
         if let Some(skin) = skin {
             readings.assign(skin, link).map_err(in_recording)?;
         }
-        readings.threshold = self.threshold.unwrap_or_else(|| readings.above_noise());
+        readings
+            .set_threshold(&reader.channels[0], self.threshold, reader.rest.threshold)
+            .map_err(in_recording)?;
         note!(common, "taxels are active above {:.3e}, in the unit of the readings", readings.threshold);
         if self.stiffness_kpa.is_some() {
             readings.become_forces(&reader.channels[0], self.taxel).map_err(in_recording)?;

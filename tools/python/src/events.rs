@@ -312,7 +312,7 @@ fn set(options: &mut EventOptions, name: &str, value: &Bound<'_, PyAny>) -> PyRe
 /// -------
 /// list of dict
 ///     For each change its `kind` ("frame", "relinked", "mirrored", "moved", "turned", "swapped", "renumbered", "missing", "new",
-///     "tilted", "resized" or "regrouped"),
+///     "tilted", "resized", "regrouped", "modality" or "region"),
 ///     `subject`, `name`, `other`, `link`, `patch`, `taxels` and `others` (ids), `distance` (m), `angle` (rad), `sigmas` and
 ///     `p`, NaN where nothing was measured.
 ///

@@ -55,8 +55,9 @@ pub(crate) enum JointsArg {
     Table(PathBuf),
 }
 
-/// Times, ids, values, and name and unit of the channel; without ids of all taxels of the skin.
-type ReadingsArg<'py> = (Bound<'py, PyAny>, Option<Bound<'py, PyAny>>, Bound<'py, PyAny>, String, String);
+/// Times, ids, values, name and unit of the channel, and the stated threshold; without ids of all taxels of the skin.
+type ReadingsArg<'py> =
+    (Bound<'py, PyAny>, Option<Bound<'py, PyAny>>, Bound<'py, PyAny>, String, String, Option<f64>);
 
 /// What a log needs besides itself, as a dict has it.
 #[derive(FromPyObject)]
@@ -149,10 +150,12 @@ impl Sources {
             }
             (None, ..) => None,
         };
+        let times = columns.as_ref().map(JointColumns::all_times);
         let joints = columns.as_ref().zip(values.as_ref()).filter(|_| self.fit_joints);
         let joints = joints.map(|(columns, (_, given))| columns.source(given));
         let sources = RowSources {
             motion: motion.as_ref().map(|motion| (motion, &links)),
+            pose_times: times.as_deref(),
             readings: self.readings.as_ref(),
             radius: self.radius,
             link: self.link.as_deref(),
@@ -236,8 +239,10 @@ pub(crate) fn contacts_of_log<'py>(
     let stiffness = arguments.stiffness.map(|stiffness| positive("stiffness", stiffness)).transpose()?;
     let skin = arguments.skin()?;
     let readings = arguments.readings()?;
-    let channel = arguments.readings.as_ref().map(|(.., name, unit)| Channel::new(name, unit).map_err(error));
+    let channel =
+        arguments.readings.as_ref().map(|(.., name, unit, _)| Channel::new(name, unit).map_err(error));
     let channel = channel.transpose()?;
+    let stated = arguments.readings.as_ref().and_then(|readings| readings.5);
     let mut remarks = Vec::new();
     let radius = arguments.radius.map(|radius| positive("radius", radius)).transpose()?;
     let TouchesArgs {
@@ -266,7 +271,9 @@ pub(crate) fn contacts_of_log<'py>(
             sources.link.clone().or_else(|| rows.0.first().map(|row| row.link.clone())).unwrap_or_default();
         if let Some(readings) = &mut sources.readings {
             skin.as_deref().map_or(Ok(()), |skin| readings.assign(skin, &link))?;
-            readings.threshold = threshold.unwrap_or_else(|| readings.above_noise());
+            if let Some(channel) = &channel {
+                readings.set_threshold(channel, threshold, stated)?;
+            }
             let above = readings.threshold;
             remarks.push(format!("taxels are active above {above:.3e}, in the unit of the readings"));
             if let Some(channel) = channel.filter(|_| stiffness.is_some()) {
@@ -312,7 +319,9 @@ fn summary_of<'py>(
     for (name, number) in [
         ("rows_of_other_links", made.others),
         ("rows_without_taxel", made.silent),
+        ("rows_without_pose", made.unposed),
         ("touches", said.empty_touches),
+        ("taxels", said.lost_taxels),
         ("frames", said.untimed),
         ("readings", said.lone),
     ] {

@@ -5,6 +5,7 @@ import pickle
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -257,6 +258,13 @@ def test_readings_poses_and_drawings_may_be_apart(arm):
     whole, _ = dermatome.touches({**columns, "time": times})
     assert np.array_equal(dermatome.calibrate(apart).positions, dermatome.calibrate(whole).positions)
     assert summary["taxels"] == len(ids) and apart.remarks[0].startswith("taxels are active above 1.000e-12")
+    # What the recording states: its threshold, and what it measures.
+    assert dermatome.touches(log, readings=replace(readings, threshold=1e-12))[1] == summary
+    heat = dermatome.Readings.from_arrays(values, ids=names, timestamps=times, channels="temperature", units="degC")
+    with pytest.raises(dermatome.DataError, match="does not measure touches"):
+        dermatome.touches(log, readings=heat)
+    with pytest.raises(dermatome.DataError, match="above the threshold"):
+        dermatome.touches(log, readings=dermatome.Readings.from_arrays(np.add(values, 2000), ids=names, timestamps=times))
     found = dermatome.calibrate(whole)
     skin = dermatome.Skin.from_arrays(found.positions, ids=found.ids, outside=(0, 0, -1))
     drawn, _ = dermatome.touches(columns, skin=skin, skip=[names[0]])
@@ -280,6 +288,7 @@ def test_readings_poses_and_drawings_may_be_apart(arm):
         ({"link": "hand"}, "hand"),
         ({"taxel_radius": 0.0}, "taxel_radius: found 0"),
         ({"skin": 3}, "skin: found int"),
+        ({"skip": [999]}, "taxel 999"),
     ):
         with pytest.raises(dermatome.DataError) as error:
             dermatome.touches(columns, **options)

@@ -1,7 +1,8 @@
 //! `calibrate --follow`: a line of JSON for each touch while the table of observations is written.
 
+use std::fs;
 use std::io::{BufReader, Write, stdout};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use dermatome::Error;
@@ -71,6 +72,17 @@ impl Solver {
         }
     }
 
+    /// Whether the last solution may be written: bodies are judged as at the end, without contacts that are held back.
+    fn may_write(&self, args: &Args) -> bool {
+        match self {
+            Self::Taxels(_) => true,
+            Self::Bodies { follower, .. } => {
+                args.keep
+                    || follower.solution().is_some_and(|found| found.converged && found.faults().is_empty())
+            }
+        }
+    }
+
     /// Writes the tables of the last solution, each whole or not at all.
     fn write_tables(&self, outputs: &[(&Path, OutputKind)]) -> Result<(), Error> {
         for (path, _) in outputs.iter().filter(|(_, kind)| matches!(kind, OutputKind::Table)) {
@@ -116,9 +128,19 @@ impl Solver {
                 }
                 let faults = found.faults();
                 if !faults.is_empty() && !args.keep {
+                    let what = format!(
+                        "{}; nothing was written at the end, and earlier tables are taken back",
+                        faults.join("; ")
+                    );
                     return Err(advise(
-                        format!("{}; nothing was written at the end", faults.join("; ")),
+                        what,
                         "check that ids, poses and drawing belong together, or write what there is with --keep",
+                    ));
+                }
+                if !found.converged && !args.keep {
+                    return Err(advise(
+                        "not converged; nothing was written at the end, and earlier tables are taken back",
+                        "give smaller tolerances, or write what there is with --keep",
                     ));
                 }
                 bodies::write(outputs, &drawing, &found, common)?;
@@ -140,6 +162,7 @@ pub(super) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let mut solver = Solver::new(args, common)?;
     let (mut unfit, mut failed) = (0_usize, None);
     let mut remarked = Vec::new();
+    let earlier = Earlier::of(&outputs);
     while let Some(touch) = stream.next() {
         let (mut observations, mut remarks) = match touch {
             Ok(read) => read,
@@ -163,7 +186,7 @@ pub(super) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
             }
         };
         unfit += usize::from(followed.innovation.is_some_and(|i| !i.fits()));
-        if matches!(followed.solved, Some(FollowedSolve::Solved { .. })) {
+        if matches!(followed.solved, Some(FollowedSolve::Solved { .. })) && solver.may_write(args) {
             solver.write_tables(&outputs)?;
         }
         print(&line(&followed, stream.time())?)?;
@@ -177,17 +200,55 @@ pub(super) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     }
     if let Some(error) = failed {
         // What came before the error is kept.
+        let is_of_bodies = matches!(solver, Solver::Bodies { .. });
         if let Err(other) = solver.finish(&outputs, args, common) {
             note!(common, "nothing was written at the end: {other:#}");
+            if is_of_bodies {
+                earlier.restore()?;
+            }
         }
         return Err(error.into());
     }
-    let unfinished = solver.finish(&outputs, args, common)?;
+    let is_of_bodies = matches!(solver, Solver::Bodies { .. });
+    let unfinished = match solver.finish(&outputs, args, common) {
+        Ok(unfinished) => unfinished,
+        Err(refused) => {
+            // A skin that is refused must not stay from a fit to fewer touches.
+            if is_of_bodies {
+                earlier.restore()?;
+            }
+            return Err(refused);
+        }
+    };
     if let Some(why) = &unfinished {
         // Also in a quiet run: an exit code that is not 0 needs its reason.
         say(format_args!("warning: {why}: what was written is not a minimum (exit code 2)"));
     }
     Ok(if unfinished.is_none() { ExitCode::SUCCESS } else { ExitCode::from(BAD_INPUT) })
+}
+
+/// What was in the outputs before.
+struct Earlier(Vec<(PathBuf, Option<Vec<u8>>)>);
+
+impl Earlier {
+    fn of(outputs: &[(&Path, OutputKind)]) -> Self {
+        let tables = outputs.iter().filter(|(_, kind)| matches!(kind, OutputKind::Table));
+        Self(tables.map(|(path, _)| (path.to_path_buf(), fs::read(path).ok())).collect())
+    }
+
+    /// Writes it again, or removes what was not there.
+    fn restore(&self) -> anyhow::Result<()> {
+        for (path, bytes) in &self.0 {
+            let restored = match bytes {
+                Some(bytes) if fs::read(path).ok().as_ref() == Some(bytes) => Ok(()),
+                Some(bytes) => fs::write(path, bytes),
+                None if path.exists() => fs::remove_file(path),
+                None => Ok(()),
+            };
+            restored.map_err(|error| outputs::cannot_write(path, error))?;
+        }
+        Ok(())
+    }
 }
 
 /// Prints each remark once.

@@ -69,6 +69,23 @@ const WELDS: [Choice<Weld>; 3] = [
 const SEAMS: [Choice<Weld>; 1] = [("uv", Weld::Texture, "Seams of the texture")];
 
 impl ReadArgs {
+    /// Refuses the options that say how a skin is made of a file, where files are taken as they are written.
+    pub(crate) fn allow_as_written(&self, why: &str) -> anyhow::Result<()> {
+        let given = [
+            ("--gap", self.gap != AssembleOptions::default().gap),
+            ("--weld", self.weld.is_some()),
+            ("--seams", self.seams.is_some()),
+            ("--repair", self.repair),
+            ("--outside", self.outside.is_some()),
+            ("--outer", self.outer),
+            ("--spacing", self.spacing.is_some()),
+        ];
+        match given.into_iter().find(|(_, is_given)| *is_given) {
+            None => Ok(()),
+            Some((name, _)) => Err(advise(format!("{name} changes nothing: {why}"), "leave it out")),
+        }
+    }
+
     /// The options for a file. Those of CAD programs need repair more often than not (57 % of 110 robot
     /// parts), and their formats do not store which faces are one sheet.
     pub(crate) fn options(&self, paths: &[impl AsRef<Path>]) -> AssembleOptions {

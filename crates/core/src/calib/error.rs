@@ -93,6 +93,19 @@ pub enum CalibError {
         contact.index() + 1
     )]
     TouchInTwoContacts { contact: ContactObservationId, first: ContactObservationId },
+    #[error(
+        "rows {} and following of the contacts are of one touch, and row {} has its taxel {id} once more; needed: another number for \
+         each touch, also in a further log",
+        first.index() + 1,
+        contact.index() + 1
+    )]
+    TaxelTwiceInTouch { contact: ContactObservationId, first: ContactObservationId, id: TaxelId },
+    #[error(
+        "row {} of the contacts has the centre of a body without its radius, as {count} touches, and others have several radii; needed: \
+         the radius of each",
+        contact.index() + 1
+    )]
+    NoRadius { contact: ContactObservationId, count: usize },
     /// An edge or contact does not fit the model: rotations without poses, or poses without rotations.
     #[error("{observation} of taxel {id} does not fit the {model} model: {needed}")]
     WrongModel { observation: ObservationId, id: TaxelId, model: Model, needed: &'static str },

@@ -1,4 +1,5 @@
-//! What else differs between taxels that are matched: their links, the frames of these, normals, areas and modules.
+//! What else differs between taxels that are matched: their links, the frames of these, normals, areas, modules, what they sense, and
+//! regions.
 
 use std::collections::BTreeMap;
 
@@ -6,7 +7,7 @@ use glam::DAffine3;
 
 use crate::calib::Pose;
 use crate::diff::comparison::{Comparison, LEAST, mirror};
-use crate::diff::pairs::{FileLink, LinkPairs, Pair, differ};
+use crate::diff::pairs::{FileLink, LinkPairs, Pair, Place, differ};
 use crate::diff::taxels::group;
 use crate::diff::{Change, ChangeKind, Subject};
 use crate::numeric::nth_smallest;
@@ -74,7 +75,7 @@ pub(super) fn relinked(link: &LinkPairs, [before, after]: &[Vec<FileLink>; 2]) -
     groups.into_iter().map(change).collect()
 }
 
-/// Taxels of a link whose normals, areas or modules differ, by patch and module.
+/// Taxels of a link whose normals, areas, modules, modalities or regions differ, by patch and module.
 pub(super) fn of_attributes(comparison: &Comparison<'_>) -> Vec<Change> {
     let pairs = &comparison.link.pairs;
     let tilt = |pair: &Pair| {
@@ -98,16 +99,23 @@ pub(super) fn of_attributes(comparison: &Comparison<'_>) -> Vec<Change> {
         let changed: Vec<(&Pair, f64)> = changed.filter(|(_, size)| *size > limit).collect();
         changes.extend(by_module(comparison.name, kind, &changed));
     }
-    let label = |pair: &Pair| Some([pair.before.module.clone()?, pair.after.module.clone()?]);
-    let mut regrouped: BTreeMap<[String; 2], Vec<(&Pair, f64)>> = BTreeMap::new();
-    for (pair, labels) in pairs.iter().filter_map(|pair| Some((pair, label(pair)?))) {
-        if labels[0] != labels[1] {
-            regrouped.entry(labels).or_default().push((pair, f64::NAN));
+    let module = |place: &Place| place.module.clone();
+    let senses = |place: &Place| Some(place.senses.clone());
+    let region = |place: &Place| place.region.clone();
+    let labels: [(ChangeKind, &dyn Fn(&Place) -> Option<String>); 3] =
+        [(ChangeKind::Regrouped, &module), (ChangeKind::Modality, &senses), (ChangeKind::Region, &region)];
+    for (kind, label) in labels {
+        let both = |pair: &Pair| Some([label(&pair.before)?, label(&pair.after)?]);
+        let mut others: BTreeMap<[String; 2], Vec<(&Pair, f64)>> = BTreeMap::new();
+        for (pair, labels) in pairs.iter().filter_map(|pair| Some((pair, both(pair)?))) {
+            if labels[0] != labels[1] {
+                others.entry(labels).or_default().push((pair, f64::NAN));
+            }
         }
-    }
-    for ([_, to], pairs) in regrouped {
-        let changed = by_module(comparison.name, ChangeKind::Regrouped, &pairs);
-        changes.extend(changed.into_iter().map(|change| Change { other: Some(to.clone()), ..change }));
+        for ([_, to], pairs) in others {
+            let changed = by_module(comparison.name, kind, &pairs);
+            changes.extend(changed.into_iter().map(|change| Change { other: Some(to.clone()), ..change }));
+        }
     }
     changes
 }

@@ -77,6 +77,10 @@ pub enum ChangeKind {
     Resized,
     /// It belongs to another module.
     Regrouped,
+    /// It senses something else.
+    Modality,
+    /// It is in another region.
+    Region,
 }
 
 /// What a change is about.
@@ -102,7 +106,8 @@ pub struct Change {
     pub subject: Subject,
     /// The name of the link, module or patch, or the id of the taxel.
     pub name: String,
-    /// The name of that with which it was exchanged, at whose place it is, or which it belongs to: a link or module.
+    /// The name of that with which it was exchanged, at whose place it is, or which it belongs to: a link or module; what it senses in the
+    /// second file, or its region there.
     pub other: Option<String>,
     /// The link, by its name in the first file, or in the second for what is new.
     pub link: String,
@@ -147,7 +152,8 @@ pub struct Diff {
     pub by: MatchedBy,
     /// Matched taxels.
     pub matched: usize,
-    /// Taxels that were left out in the first and in the second file: their id is not unique.
+    /// Taxels that were left out in the first and in the second file: their id is not unique in a file, nor on the links and patches whose
+    /// names both files have.
     pub ambiguous: [usize; 2],
     /// Each link with matched taxels, in the order of the first file.
     pub links: Vec<AlignedLink>,

@@ -6,7 +6,8 @@
 //! first whole modules, which are rigid, then single taxels. A change has a chance below [`DiffOptions::chance`] in the
 //! whole file if nothing changed (Bonferroni). Where differences do not depend on those of the neighbours, as white
 //! noise, taxels and modules are compared with the whole link by chi-square and F tests (`independent`). Links are matched by name, those without by their taxels; normals,
-//! areas and modules of taxels are compared, too.
+//! areas, modules, modalities and regions of taxels are compared, too; weights, densities and acuities are not. Taxels that share an id are
+//! told apart by the names of their links and patches.
 //!
 //! ```
 //! use dermatome::diff::{ChangeKind, DiffOptions, diff};

@@ -9,7 +9,8 @@ use crate::id::IdVec;
 use crate::mesh::is_within_reach;
 use crate::numeric::median;
 use crate::skin::{
-    Draft, Link, LinkId, Presence, Sheet, SkinError, TaxelId, check_links, link_names, world_pose,
+    Draft, Link, LinkId, Presence, Sheet, SkinError, THERMAL, TOUCH, TaxelId, check_links, link_names,
+    world_pose,
 };
 
 /// A taxel of a file.
@@ -22,6 +23,10 @@ pub(super) struct Place {
     pub(super) link: usize,
     pub(super) patch: String,
     pub(super) module: Option<String>,
+    /// What it senses; without a word on it, touch.
+    pub(super) senses: String,
+    /// Its region, empty without one; `None` if the file has no regions.
+    pub(super) region: Option<String>,
     /// In the frame of its link, in m.
     pub(super) position: DVec3,
     /// A unit normal.
@@ -91,7 +96,29 @@ pub(super) struct Pairs {
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 enum Key {
     Id(TaxelId),
+    /// An id that several taxels of a file share, on the link of this name.
+    OnLink(String, TaxelId),
+    /// The same on a link and patch of these names.
+    OnPatch(String, String, TaxelId),
     Row(String, usize),
+}
+
+impl Key {
+    /// The link, and patch, of an id that is shared.
+    fn place(&self) -> Option<(&str, Option<&str>)> {
+        match self {
+            Self::OnLink(link, _) => Some((link, None)),
+            Self::OnPatch(link, patch, _) => Some((link, Some(patch))),
+            Self::Id(_) | Self::Row(..) => None,
+        }
+    }
+
+    fn id(&self) -> Option<TaxelId> {
+        match self {
+            Self::Id(id) | Self::OnLink(_, id) | Self::OnPatch(.., id) => Some(*id),
+            Self::Row(..) => None,
+        }
+    }
 }
 
 impl Pairs {
@@ -107,17 +134,15 @@ impl Pairs {
         let are_alone = is_alone(before) && is_alone(after);
         let names = [file_links(before)?, file_links(after)?];
         let mut first = places(before, &modules[0], by, are_alone)?;
-        let second = places(after, &modules[1], by, are_alone)?;
+        let mut second = places(after, &modules[1], by, are_alone)?;
         let sizes = [first.len(), second.len()];
-        let ambiguous = [ambiguous(&first), ambiguous(&second)];
-        first.retain(|place| !ambiguous[0].contains(&place.key));
+        name_shared([&mut first, &mut second], &names);
+        drop_unclear([&mut first, &mut second], &names);
         let mut keyed: HashMap<Key, Place> = HashMap::new();
         let mut order = Vec::new();
         for place in second {
-            if !ambiguous[1].contains(&place.key) {
-                order.push(place.key.clone());
-                keyed.insert(place.key.clone(), place);
-            }
+            order.push(place.key.clone());
+            keyed.insert(place.key.clone(), place);
         }
         let lost = [sizes[0] - first.len(), sizes[1] - order.len()];
         let mut links: BTreeMap<usize, LinkPairs> = BTreeMap::new();
@@ -163,6 +188,41 @@ fn counterpart([before, after]: &[Vec<FileLink>; 2], link: usize, pairs: &[Pair]
 /// Whether the names of two links say that they are two.
 pub(super) fn differ(before: &FileLink, after: &FileLink) -> bool {
     before.is_named && after.is_named && before.name != after.name
+}
+
+/// Names taxels whose id several of a file share by link and id, and where that is not enough by patch, too.
+fn name_shared(files: [&mut Vec<Place>; 2], names: &[Vec<FileLink>; 2]) {
+    let mut files = files;
+    for by_patch in [false, true] {
+        let shared: HashSet<TaxelId> =
+            files.iter().flat_map(|places| ambiguous(places)).filter_map(|key| key.id()).collect();
+        for (places, links) in files.iter_mut().zip(names) {
+            for place in places.iter_mut() {
+                let Some(id) = place.key.id().filter(|id| shared.contains(id)) else { continue };
+                let link = links[place.link].name.clone();
+                place.key = match by_patch {
+                    false => Key::OnLink(link, id),
+                    true => Key::OnPatch(link, place.patch.clone(), id),
+                };
+            }
+        }
+    }
+}
+
+/// Drops taxels of which it is not known which of the other file they are: those whose name is still shared in a file, and those with a
+/// shared id on a link or patch that the other file does not have.
+fn drop_unclear([first, second]: [&mut Vec<Place>; 2], [names, names_there]: &[Vec<FileLink>; 2]) {
+    let shared: HashSet<Key> = ambiguous(first).union(&ambiguous(second)).cloned().collect();
+    let of = |places: &[Place], links: &[FileLink]| -> HashSet<(String, String)> {
+        places.iter().map(|place| (links[place.link].name.clone(), place.patch.clone())).collect()
+    };
+    let there = [of(second, names_there), of(first, names)];
+    for (places, there) in [first, second].into_iter().zip(there) {
+        let is_there = |(link, patch): (&str, Option<&str>)| {
+            there.iter().any(|(other, on)| other == link && patch.is_none_or(|patch| patch == on))
+        };
+        places.retain(|place| !shared.contains(&place.key) && place.key.place().is_none_or(is_there));
+    }
 }
 
 /// Keys that are no name of one taxel.
@@ -221,6 +281,10 @@ fn places(
                 link: sheet.link.map_or(draft.links.len(), LinkId::index),
                 patch: sheet.name.clone(),
                 module: modules.get(&id).map(|&name| name.to_owned()).or_else(own),
+                senses: senses(sheet, row, presence),
+                region: sheet.regions.as_ref().map(|all| {
+                    all.get(row).and_then(Option::as_ref).map_or_else(String::new, ToString::to_string)
+                }),
                 position,
                 normal: normal.and_then(|normal| normal.try_normalize()),
                 area: area.filter(|&area| area.is_finite() && area > 0.0),
@@ -230,4 +294,15 @@ fn places(
         Ok((0..sheet.positions.len()).filter_map(place).collect())
     };
     Ok(draft.sheets.iter().map(of_sheet).collect::<Result<Vec<_>, _>>()?.concat())
+}
+
+/// What a taxel senses: its modalities, or else what its presence says.
+fn senses(sheet: &Sheet, row: usize, presence: Option<&Presence>) -> String {
+    let given = sheet.modalities.as_ref().and_then(|all| all.get(row)?.clone());
+    let by_presence = match presence {
+        Some(Presence::ThermalPad) => THERMAL,
+        Some(Presence::Other) => "other",
+        _ => TOUCH,
+    };
+    given.map_or_else(|| by_presence.to_owned(), |given| given.to_string())
 }

@@ -105,8 +105,14 @@ pub struct TouchesSummary {
     pub touches: usize,
     /// How many of these have no contact.
     pub empty_touches: usize,
+    /// How many of these do not have the radius of the body.
+    pub touches_without_radius: usize,
     /// Number of taxels with a contact.
     pub taxels: usize,
+    /// Taxels of the log without a contact, though they are not left out by the options.
+    pub lost_taxels: usize,
+    /// Number of readings of taxels that are not left out by the options.
+    pub readings: usize,
     /// How many of them were found from the profile of their readings; the others are means of positions.
     pub fitted: usize,
     /// Readings that were left out since no neighbour of their taxel was active.
@@ -160,7 +166,8 @@ struct TouchMean {
     centre: DVec3,
     /// The columns of the sum of `c c^T`, `c` the centre.
     squares: [DVec3; 3],
-    radius: f64,
+    /// The sum of the radii that are known, and of the readings of these frames.
+    radius: [f64; 2],
     rotation: Option<DQuat>,
     is_plane: bool,
     outward: DVec3,
@@ -174,7 +181,9 @@ impl TouchMean {
     fn body(&self) -> Option<TouchingBody> {
         let is_known = !self.is_plane && self.weight > 0.0;
         let share = self.weight.recip();
-        is_known.then(|| TouchingBody { centre: share * self.centre, radius: share * self.radius })
+        let [radii, of] = self.radius;
+        let radius = if of > 0.0 { radii / of } else { 0.0 };
+        is_known.then(|| TouchingBody { centre: share * self.centre, radius })
     }
 
     /// The direction along which the centres differ most, and their standard deviation.
@@ -251,7 +260,15 @@ impl Rows<'_> {
             frames: log.frames.len(),
             touches: samples.touches.len(),
             empty_touches: samples.touches.len() - used,
+            touches_without_radius: means
+                .iter()
+                .filter(|m| !m.is_plane && m.weight > 0.0 && m.radius[1] == 0.0)
+                .count(),
             taxels: samples.of.iter().filter(|of| !of.is_empty()).count(),
+            lost_taxels: samples.of.iter().filter(|of| of.is_empty()).count(),
+            readings: samples.of.iter().map(Vec::len).sum::<usize>()
+                + estimates.lone
+                + estimates.spikes.len(),
             fitted,
             lone: estimates.lone,
             spikes: estimates.spikes.clone(),
@@ -276,7 +293,10 @@ impl Rows<'_> {
             for (column, x) in mean.squares.iter_mut().zip(sample.centre.to_array()) {
                 *column += sample.reading * x * sample.centre;
             }
-            mean.radius += sample.reading * sample.radius;
+            if sample.radius > 0.0 {
+                mean.radius =
+                    [mean.radius[0] + sample.reading * sample.radius, mean.radius[1] + sample.reading];
+            }
             mean.velocity = velocities
                 .as_ref()
                 .map(|all| mean.velocity.unwrap_or(DVec3::ZERO) + sample.reading * all[sample.frame]);
@@ -293,8 +313,12 @@ impl Rows<'_> {
                 mean.rotation = Some(sum + turned * (sign * sample.reading));
             }
         }
-        for (mean, touch) in means.iter_mut().zip(outwards(self.samples, self.log.frames.len())) {
-            mean.outward = touch.direction;
+        let pieces = outwards(self.samples, self.log.frames.len());
+        for touch in pieces.chunk_by(|a, b| a.touch == b.touch) {
+            let told =
+                touch.iter().map(|piece| piece.direction).filter(|direction| *direction != DVec3::ZERO);
+            let count = told.clone().count().max(1) as f64;
+            means[touch[0].touch].outward = told.sum::<DVec3>() / count.sqrt();
         }
         means
     }

@@ -21,10 +21,11 @@ pub struct Drawing {
 
 impl Drawing {
     /// The normals and neighbours of a skin, in the frame of the link of a log: of the taxels on the link of that name, or
-    /// of all if the skin has no link of that name. An id that several taxels have as a placeholder is of none of them.
+    /// of all if no link has that name and one alone has taxels, or the name is empty. An id that several taxels have as a placeholder is of none of them.
     ///
     /// # Errors
-    /// [`TouchesError::SharedId`] if working taxels share another id, [`TouchesError::SharedLink`] if links share the name.
+    /// [`TouchesError::SharedId`] if working taxels share another id, [`TouchesError::SharedLink`] if links share the name,
+    /// [`TouchesError::UnknownLink`] if several links have taxels and none has the name.
     pub fn of_link(skin: &Skin, link: &str) -> Result<Self, TouchesError> {
         let mut drawing = Self::default();
         for (_, patch, v) in taxels_of(skin, link)? {
@@ -89,7 +90,7 @@ impl TouchReadings {
     }
 }
 
-/// Whether a patch is on the link of a name; each is if the skin has no link of that name.
+/// Whether a patch is on the link of a name; each is if no link has that name and one alone has patches, or the name is empty.
 fn on_link<'a>(skin: &Skin, link: &str) -> Result<impl Fn(&&'a Patch) -> bool + use<'a>, TouchesError> {
     let named = || skin.links.enumerate().filter(|(_, known)| known.name == link).map(|(id, _)| id);
     let has_patch = |id: &LinkId| skin.patches.iter().any(|patch| patch.link == *id);
@@ -98,6 +99,11 @@ fn on_link<'a>(skin: &Skin, link: &str) -> Result<impl Fn(&&'a Patch) -> bool + 
         return Err(TouchesError::SharedLink { link: link.to_owned(), links });
     }
     let known = named().find(has_patch).or_else(|| named().next());
+    let with_patches: Vec<String> =
+        skin.links.enumerate().filter(|(id, _)| has_patch(id)).map(|(_, link)| link.name.clone()).collect();
+    if known.is_none() && !link.is_empty() && with_patches.len() > 1 {
+        return Err(TouchesError::UnknownLink { link: link.to_owned(), names: with_patches });
+    }
     Ok(move |patch: &&'a Patch| known.is_none_or(|link| patch.link == link))
 }
 

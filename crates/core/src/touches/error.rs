@@ -93,6 +93,45 @@ pub enum TouchesError {
     ReadingTime { frame: usize, time: f64, last: Option<f64> },
     #[error("line {row}: no taxels; needed: a column `taxels`, or a recording of the readings")]
     NoReadings { row: usize },
+    #[error("touches are up to {spread:.0} m from their middle; needed: lengths in m")]
+    Lengths { spread: f64 },
+    #[error(
+        "line {row}: the radius of the body is {radius} m, and all touches are within {spread:.3} m of their middle; needed: the \
+         radius in m"
+    )]
+    Radius { row: usize, radius: f64, spread: f64 },
+    #[error(
+        "the readings differ by {noise:.3e} from what spheres of these radii give, of usually {typical:.3e}; needed: the radius of \
+         the body in m, the poses of the frames, and readings that grow with the depth of the press"
+    )]
+    Profile { noise: f64, typical: f64 },
+    #[error(
+        "{left_out} of {of} {what} give no contact; needed: the touches of one skin, in one frame, with the ids of its taxels"
+    )]
+    MostLeftOut { what: &'static str, left_out: usize, of: usize },
+    #[error(
+        "line {row}: the time {time} s is before {earlier} s, that of a line above, and poses or readings are found by it; needed: the log of one run of the clock"
+    )]
+    ClockRestarts { row: usize, time: f64, earlier: f64 },
+    #[error("taxel {id} has two columns of the readings; needed: one column for each taxel")]
+    ColumnTwice { id: TaxelId },
+    #[error(
+        "the channel {channel:?} of the readings does not measure touches; needed: one of force, pressure, charge or counts"
+    )]
+    NotOfTouch { channel: String },
+    #[error(
+        "{active} of {taxels} taxels are above the threshold of {threshold:.3e} in most frames of the readings; needed: readings \
+         that are 0 where nothing touches, or a larger threshold"
+    )]
+    AlwaysActive { active: usize, taxels: usize, threshold: f64 },
+    #[error(
+        "the link {link:?} of the log is none of the links of the skin that have patches: {}; needed: one of these", names.join(", ")
+    )]
+    UnknownLink { link: String, names: Vec<String> },
+    #[error(
+        "taxel {id} is to be left out, but neither the log nor the drawing has it; needed: ids of their taxels"
+    )]
+    UnknownLeftOut { id: TaxelId },
 }
 
 fn after(last: Option<f64>) -> String {

@@ -8,13 +8,22 @@ use crate::numeric::median;
 use crate::skin::TaxelId;
 use crate::skin::sentence::{count, first_few};
 use crate::touches::log::{TouchBody, TouchFrame, TouchLog};
-use crate::touches::{LeftOutReading, LogDelay, TouchesError, TouchesOptions, contacts_of_touches};
+use crate::touches::{
+    LeftOutReading, LogDelay, TouchContacts, TouchesError, TouchesOptions, contacts_of_touches,
+};
 
 /// A body that stays within this of one place in the frame of the link touches one place, or its poses stand still, in m.
 const STILL: f64 = 2e-3;
 
 /// Positions that spread over more than this are not in metres, in m: a skin is smaller.
 const MOST_SPREAD: f64 = 5.0;
+
+/// A radius beyond so many times that spread is in another unit. A sphere with ten times the radius of the skin is almost a plane.
+const MOST_RADII: f64 = 10.0;
+
+/// Noise of readings over the usual largest reading of a taxel, above which they are not those of the spheres: it is 0.001 to 0.1 on
+/// simulated logs with every trouble, 5 with a radius that is ten times too large.
+const MOST_NOISE: f64 = 0.5;
 
 /// Below this angle, in rad, between the orientations of the link the offset of the probe is one with the mount.
 const LEAST_TURN: f64 = 0.35;
@@ -84,7 +93,7 @@ pub struct LogReport {
 /// Examines a log as [`contacts_of_touches`] would use it without a drawing.
 ///
 /// # Errors
-/// As [`contacts_of_touches`]; an outside that nothing determines is a finding.
+/// As [`contacts_of_touches`]; an outside that nothing determines, another unit, and a log that is mostly left out are findings.
 pub fn examine_log(log: &TouchLog) -> Result<LogReport, TouchesError> {
     log.validate()?;
     let mut findings = Vec::new();
@@ -97,22 +106,29 @@ pub fn examine_log(log: &TouchLog) -> Result<LogReport, TouchesError> {
         });
     }
     let places: Vec<DVec3> = touches.iter().map(|touch| place(touch)).collect();
-    let middle = places.iter().sum::<DVec3>() / places.len().max(1) as f64;
-    let spread = places.iter().map(|place| place.distance(middle)).fold(0.0, f64::max);
-    if spread > MOST_SPREAD {
-        say(
-            LogFindingKind::Unit,
-            true,
-            format!("touches are up to {spread:.0} m from their middle; give lengths in m"),
-        );
-    } else if touches.len() > 1 && spread < STILL {
+    let spread = spread_of(&places);
+    let is_misread = match check_lengths(log) {
+        Ok(()) => false,
+        Err(error) => {
+            let is_unit = matches!(error, TouchesError::Lengths { .. });
+            say(if is_unit { LogFindingKind::Unit } else { LogFindingKind::Radius }, true, error.to_string());
+            true
+        }
+    };
+    let within = within_touches(&touches);
+    if !is_misread && touches.len() > 1 && spread < STILL {
         let message = format!(
             "all touches are within {:.2} mm of one place of the link; record the pose of the link and the position of the body in each frame",
             1e3 * spread
         );
         say(LogFindingKind::Still, true, message);
+    } else if log.has_readings && within.is_some_and(|most| most == 0.0) {
+        let message = "the body does not move within any touch, though the readings do: record the pose of the link and the position of the \
+                       body in each frame";
+        say(LogFindingKind::Still, true, message.into());
     }
-    match contacts_of_touches(log, &TouchesOptions::default()) {
+    if !is_misread {
+        match contacts_of_touches(log, &TouchesOptions::default()) {
         Ok(found) => {
             let at = |spike: &LeftOutReading| format!("taxel {} in line {}", spike.taxel, spike.row);
             let spikes: Vec<String> = found.summary.spikes.iter().map(at).collect();
@@ -127,13 +143,20 @@ pub fn examine_log(log: &TouchLog) -> Result<LogReport, TouchesError> {
                 let readings = count(found.summary.lone, "reading is", "readings are");
                 say(LogFindingKind::Lone, false, format!("{readings} without an active neighbour"));
             }
+            if found.summary.lost_taxels > 0 {
+                let taxels = count(found.summary.lost_taxels, "taxel gives", "taxels give");
+                say(LogFindingKind::Coverage, false, format!("{taxels} no contact"));
+            }
         }
+        Err(error @ TouchesError::Profile { .. }) => say(LogFindingKind::Readings, true, error.to_string()),
+        Err(error @ TouchesError::MostLeftOut { .. }) => say(LogFindingKind::Coverage, true, error.to_string()),
         Err(TouchesError::NoOutside { .. }) => say(
             LogFindingKind::Side,
-            false,
+            true,
             "without a drawing nothing says on which side of the skin the sphere is; record readings while it presses and leaves".into(),
         ),
         Err(other) => return Err(other),
+    }
     }
     let steps = log.frames.windows(2).filter(|pair| pair[0].touch == pair[1].touch);
     let steps: Vec<(usize, f64)> =
@@ -191,7 +214,7 @@ pub fn examine_log(log: &TouchLog) -> Result<LogReport, TouchesError> {
     let repeats = repeats(&touches, &places);
     if repeats > 0 {
         let message = format!(
-            "{} the touch before, and would count as new evidence; number contacts in a column `contact`",
+            "{} an earlier touch, and would count as new evidence; number contacts in a column `contact`",
             count(repeats, "touch repeats", "touches repeat")
         );
         say(LogFindingKind::Repeats, false, message);
@@ -217,14 +240,88 @@ fn turn(first: &TouchFrame, frame: &TouchFrame) -> f64 {
     a.angle_between(b)
 }
 
-/// How many touches without a number of a contact are where the touch before was, with the same taxels.
+/// How many touches without a number of a contact are where an earlier one was, with the same taxels.
 fn repeats(touches: &[&[TouchFrame]], places: &[DVec3]) -> usize {
     let ids = |touch: &[TouchFrame]| -> BTreeSet<TaxelId> {
         touch.iter().flat_map(|frame| &frame.felt).map(|felt| felt.0).collect()
     };
-    let is_repeat = |k: &usize| {
-        let [before, touch] = [touches[k - 1], touches[*k]];
-        touch[0].contact.is_none() && places[*k].distance(places[k - 1]) < REPEAT && ids(before) == ids(touch)
-    };
-    (1..touches.len()).filter(is_repeat).count()
+    let mut earlier: BTreeMap<BTreeSet<TaxelId>, Vec<DVec3>> = BTreeMap::new();
+    let mut repeats = 0;
+    for (touch, place) in touches.iter().zip(places) {
+        let same = earlier.entry(ids(touch)).or_default();
+        repeats += usize::from(
+            touch[0].contact.is_none() && same.iter().any(|other| other.distance(*place) < REPEAT),
+        );
+        same.push(*place);
+    }
+    repeats
+}
+
+/// The largest distance between two positions of the body that follow each other in a touch, in the frame of the link, in m; `None`
+/// without a touch of several frames.
+fn within_touches(touches: &[&[TouchFrame]]) -> Option<f64> {
+    let at = |frame: &TouchFrame| frame.link.inverse().apply(frame.body.point());
+    let steps =
+        touches.iter().flat_map(|touch| touch.windows(2)).map(|pair| at(&pair[0]).distance(at(&pair[1])));
+    steps.reduce(f64::max)
+}
+
+/// The largest distance of a place from the middle of all, in m.
+fn spread_of(places: &[DVec3]) -> f64 {
+    let middle = places.iter().sum::<DVec3>() / places.len().max(1) as f64;
+    places.iter().map(|place| place.distance(middle)).fold(0.0, f64::max)
+}
+
+/// Checks that lengths and radii can be those of a skin in m.
+///
+/// # Errors
+/// [`TouchesError::Lengths`] if touches are farther apart than on a skin, [`TouchesError::Radius`] if the radius of a body is far larger
+/// than the region that the touches cover.
+pub(super) fn check_lengths(log: &TouchLog) -> Result<(), TouchesError> {
+    let touches = log.frames.chunk_by(|a, b| a.touch == b.touch);
+    let places: Vec<DVec3> = touches.map(place).collect();
+    let spread = spread_of(&places);
+    if spread > MOST_SPREAD {
+        return Err(TouchesError::Lengths { spread });
+    }
+    let is_judged = places.len() >= LEAST_TOUCHES && spread > STILL;
+    let most = if is_judged { MOST_RADII * spread } else { MOST_SPREAD };
+    match log.frames.iter().find(|frame| frame.body.radius() > most) {
+        Some(frame) => Err(TouchesError::Radius { row: frame.row, radius: frame.body.radius(), spread }),
+        None => Ok(()),
+    }
+}
+
+impl TouchContacts {
+    /// Checks that most of a log is in its contacts, and that readings are those of spheres of its radii; a few touches are not judged.
+    ///
+    /// # Errors
+    /// [`TouchesError::MostLeftOut`], [`TouchesError::Profile`].
+    pub(super) fn check(&self, log: &TouchLog) -> Result<(), TouchesError> {
+        let summary = &self.summary;
+        if summary.touches < LEAST_TOUCHES {
+            return Ok(());
+        }
+        let left_out = [
+            ("touches", summary.empty_touches, summary.touches),
+            ("taxels", summary.lost_taxels, summary.taxels + summary.lost_taxels),
+            ("readings", summary.lone + summary.spikes.len(), summary.readings),
+        ];
+        for (what, left_out, of) in left_out {
+            if 2 * left_out > of {
+                return Err(TouchesError::MostLeftOut { what, left_out, of });
+            }
+        }
+        let mut largest: BTreeMap<TaxelId, f64> = BTreeMap::new();
+        for &(id, reading) in log.frames.iter().flat_map(|frame| &frame.felt) {
+            let most = largest.entry(id).or_default();
+            *most = most.max(reading);
+        }
+        match (summary.reading_noise, median(largest.into_values())) {
+            (Some(noise), Some(typical)) if noise > MOST_NOISE * typical => {
+                Err(TouchesError::Profile { noise, typical })
+            }
+            _ => Ok(()),
+        }
+    }
 }

@@ -50,6 +50,11 @@ impl<'r> JointColumns<'r> {
         self.robot.joints.iter().map(joint).collect()
     }
 
+    /// The times of all rows, in s.
+    pub fn all_times(&self) -> Vec<f64> {
+        self.rows.iter().map(|row| row.0).collect()
+    }
+
     /// The first and the last time, in s, where there are several.
     pub fn times(&self) -> Option<[f64; 2]> {
         let [first, last] = [self.rows.first()?.0, self.rows.last()?.0];

@@ -95,7 +95,8 @@ use gather::Samples;
 ///
 /// # Errors
 /// As [`TouchLog::validate`]; if an option is out of its range, the log names a taxel that the drawing does not have, no
-/// taxel is active, a delay is given and a frame has no time, or it is not known on which side of the skin a sphere is.
+/// taxel is active, a delay is given and a frame has no time, it is not known on which side of the skin a sphere is, lengths or the
+/// radius of the body are those of another unit, or more than half of the touches, taxels or readings give no contact.
 pub fn contacts_of_touches(log: &TouchLog, options: &TouchesOptions) -> Result<TouchContacts, TouchesError> {
     contacts_of_touches_with(log, options, Run::default())
 }
@@ -111,6 +112,7 @@ pub fn contacts_of_touches_with(
 ) -> Result<TouchContacts, TouchesError> {
     log.validate()?;
     options.validate(log)?;
+    examine::check_lengths(log)?;
     run.check()?;
     let mut removed = options.delay.unwrap_or(0.0);
     let mut fitted = fit(log, removed, options, run)?;
@@ -132,6 +134,7 @@ pub fn contacts_of_touches_with(
     let mut found = rows.collect();
     found.summary.frames = log.frames.len();
     found.summary.untimed = log.frames.len() - used.frames.len();
+    found.check(log)?;
     Ok(found)
 }
 

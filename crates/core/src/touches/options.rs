@@ -40,6 +40,19 @@ pub(super) const TAXEL_RADIUS: f64 = 2e-3;
 pub(super) const ARM_NOISE: f64 = 1e-3;
 
 impl TouchesOptions {
+    /// Without the taxels to be left out that neither the log nor the drawing has, as a list for several links has.
+    #[must_use]
+    pub fn left_out_of(mut self, log: &TouchLog) -> Self {
+        let left_out = std::mem::take(&mut self.left_out);
+        self.left_out = left_out.into_iter().filter(|id| self.is_known(*id, log)).collect();
+        self
+    }
+
+    fn is_known(&self, id: TaxelId, log: &TouchLog) -> bool {
+        let is_drawn = self.drawing.as_ref().is_some_and(|drawing| drawing.normals.contains_key(&id));
+        is_drawn || log.frames.iter().flat_map(|frame| &frame.felt).any(|(felt, _)| *felt == id)
+    }
+
     pub(super) fn validate(&self, log: &TouchLog) -> Result<(), TouchesError> {
         for (option, range, found) in [
             ("the radius of a taxel in m", 1e-6..=1e3, self.taxel_radius),
@@ -50,6 +63,9 @@ impl TouchesOptions {
             if let Some(found) = found.filter(|found| !range.contains(found)) {
                 return Err(TouchesError::BadOption { option, found, range: [*range.start(), *range.end()] });
             }
+        }
+        if let Some(&id) = self.left_out.iter().find(|id| !self.is_known(**id, log)) {
+            return Err(TouchesError::UnknownLeftOut { id });
         }
         let Some(drawing) = &self.drawing else { return Ok(()) };
         for frame in &log.frames {

@@ -7,7 +7,11 @@ impl LogOfRows {
     /// What was not used, a sentence each.
     pub fn remarks(&self) -> Vec<String> {
         let mut said = Vec::new();
-        for (number, what) in [(self.others, "of other links"), (self.silent, "without an active taxel")] {
+        for (number, what) in [
+            (self.others, "of other links"),
+            (self.silent, "without an active taxel"),
+            (self.unposed, "in a pause of the poses"),
+        ] {
             if number > 0 {
                 said.push(format!("{} {what}, left out", count(number, "row is", "rows are")));
             }
@@ -45,6 +49,13 @@ impl TouchContacts {
         if summary.empty_touches > 0 {
             let touches = count(summary.empty_touches, "touch is", "touches are");
             said.push(format!("{touches} without a taxel that is used, left out"));
+        }
+        if summary.lost_taxels > 0 {
+            said.push(format!("{} no contact", count(summary.lost_taxels, "taxel has", "taxels have")));
+        }
+        if summary.touches_without_radius > 0 && summary.touches_without_radius < summary.touches {
+            let touches = count(summary.touches_without_radius, "touch has", "touches have");
+            said.push(format!("{touches} no radius of the body, others have one"));
         }
         if summary.lone > 0 {
             let readings = count(summary.lone, "reading is", "readings are");

@@ -1,11 +1,12 @@
 //! The rows of a table of touches, and how they become a log: poses and readings may be in files of their own.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use glam::{DAffine3, DQuat, DVec3};
 
 use crate::calib::{Pose, TouchJoint};
 use crate::id::IdVec;
+use crate::numeric::median;
 use crate::signal::{Channel, Quantity};
 use crate::skin::{Link, LinkId, Motion, TaxelId};
 use crate::touches::TouchesError;
@@ -70,6 +71,9 @@ pub struct JointSource<'a> {
 pub struct RowSources<'a> {
     /// How links move, and the links: [`links_of_rows`]. A link whose name several have, or that does not move, has no pose.
     pub motion: Option<(&'a Motion, &'a IdVec<LinkId, Link>)>,
+    /// The times (s) at which poses are known, ascending, where the motion has others between them, as that of a robot has; `None`: those
+    /// of the motion.
+    pub pose_times: Option<&'a [f64]>,
     /// Readings.
     pub readings: Option<&'a TouchReadings>,
     /// The radius of the body where rows do not give it, in m.
@@ -96,14 +100,31 @@ pub struct LogOfRows {
     pub silent: usize,
     /// Rows of other links.
     pub others: usize,
+    /// Rows in a pause of the poses, in which a link moved: where it was then is not known.
+    pub unposed: usize,
 }
 
+/// Rows without a number of a touch that are farther apart than so many usual steps are two touches.
+const MOST_STEPS_OF_TOUCH: f64 = 10.0;
+
+/// A row that is farther than so many usual steps from the poses before and after it is in a pause of them.
+const MOST_STEPS_OF_POSES: f64 = 3.0;
+
+/// A link that moves less over a pause, in m and rad, stands still.
+const STILL: [f64; 2] = [1e-4, 1e-3];
+
+/// Taxels that are above the threshold in this share of the frames are so at rest.
+const ALWAYS: f64 = 0.8;
+
 /// Makes a log of rows. Rows without a number of a touch belong to the touch of the row above them, unless taxels were
-/// silent between or the link is another one.
+/// silent between, or rows of another link or a pause of ten usual steps are between them. Rows in a pause of the poses in which the
+/// link moved are left out.
 ///
 /// # Errors
-/// The first row whose link has no pose, whose time is missing or not one of the poses or the readings, with readings of
-/// some taxels only, or with taxels of its own next to a recording; several links, of which none is chosen.
+/// The first row whose link has no pose, whose time is missing or not one of the poses or the readings, whose time is before that of
+/// another touch above while poses or readings are found by it, with readings of
+/// some taxels only, or with taxels of its own next to a recording; several links, of which none is chosen; a recording with a
+/// taxel twice, or in which most taxels are active most of the time.
 pub fn log_of_rows(rows: &[TouchRow], sources: &RowSources<'_>) -> Result<LogOfRows, TouchesError> {
     let mut made = LogOfRows::default();
     let first =
@@ -114,6 +135,11 @@ pub fn log_of_rows(rows: &[TouchRow], sources: &RowSources<'_>) -> Result<LogOfR
     };
     made.log.has_readings = sources.readings.is_some()
         || rows.iter().filter_map(|row| row.felt.as_ref()).flatten().any(|(_, reading)| reading.is_some());
+    sources.readings.map_or(Ok(()), TouchReadings::validate)?;
+    let period = sources.readings.and_then(|readings| usual_step(readings.times.iter().copied()));
+    let longest = usual_step(rows.iter().filter(|row| row.link == link).filter_map(|row| row.time))
+        .map(|step| MOST_STEPS_OF_TOUCH * step);
+    let mut pauses = Pauses { sources, known: BTreeMap::new() };
     let (mut touch, mut was_silent) = (0, false);
     for row in rows {
         if row.link != link {
@@ -125,23 +151,40 @@ pub fn log_of_rows(rows: &[TouchRow], sources: &RowSources<'_>) -> Result<LogOfR
                 });
             }
             made.others += 1;
+            was_silent = true;
             continue;
         }
-        let felt = felt(row, sources, made.log.has_readings)?;
+        let felt = felt(row, sources, made.log.has_readings, period.unwrap_or(0.0))?;
         if felt.is_empty() {
             made.silent += 1;
             was_silent = true;
             continue;
         }
-        touch += u64::from(was_silent && !made.log.frames.is_empty());
+        if pauses.have(row) {
+            made.unposed += 1;
+            continue;
+        }
+        let last = made.log.frames.last();
+        let gap = last.and_then(|last| Some(row.time? - last.time?));
+        let is_apart = gap.zip(longest).is_some_and(|(gap, longest)| gap > longest);
+        touch += u64::from((was_silent || is_apart) && last.is_some());
         was_silent = false;
+        let number = row.touch.unwrap_or(touch);
+        if let Some((last, gap)) = last.zip(gap)
+            && gap < 0.0
+            && last.touch != number
+            && sources.are_timed(row)
+        {
+            let time = row.time.unwrap_or_default();
+            return Err(TouchesError::ClockRestarts { row: row.row, time, earlier: time - gap });
+        }
         let pose = pose_of(row, &row.link, row.pose, sources)?;
         let (body, body_rotation) = body_of(row, sources)?;
         let by_joints = sources.joints.map(|joints| by_joints(row, &pose, &body, joints)).transpose()?;
         made.log.frames.push(TouchFrame {
             row: row.row,
             time: row.time,
-            touch: row.touch.unwrap_or(touch),
+            touch: number,
             contact: row.contact,
             link: pose,
             body,
@@ -157,6 +200,63 @@ pub fn log_of_rows(rows: &[TouchRow], sources: &RowSources<'_>) -> Result<LogOfR
         return Err(TouchesError::NothingFelt { frames: rows.len() });
     }
     Ok(made)
+}
+
+/// The median of the steps between times that ascend, in s.
+fn usual_step(times: impl IntoIterator<Item = f64>) -> Option<f64> {
+    let mut last = None;
+    let steps = times.into_iter().filter_map(|time| Some(time - last.replace(time)?));
+    median(steps.filter(|step| *step > 0.0).collect::<Vec<_>>().into_iter())
+}
+
+impl RowSources<'_> {
+    /// Whether the pose of a row or of its body, or its readings, are found by its time.
+    fn are_timed(&self, row: &TouchRow) -> bool {
+        let moves =
+            self.motion.and_then(|(motion, _)| motion.times()).is_some_and(|[first, last]| first < last);
+        self.readings.is_some() || moves && (row.pose.is_none() || row.body_link.is_some())
+    }
+}
+
+/// The pauses of the poses of links.
+struct Pauses<'s> {
+    sources: &'s RowSources<'s>,
+    /// The times of the poses of each link, and their usual step; empty for one that does not move.
+    known: BTreeMap<String, (Vec<f64>, f64)>,
+}
+
+impl Pauses<'_> {
+    /// Whether a row needs the pose of a link in a pause in which it moved.
+    fn have(&mut self, row: &TouchRow) -> bool {
+        let own = Some(&row.link).filter(|_| row.pose.is_none());
+        own.into_iter().chain(&row.body_link).any(|link| row.time.is_some_and(|time| self.has(link, time)))
+    }
+
+    fn has(&mut self, name: &str, time: f64) -> bool {
+        let Some((motion, links)) = self.sources.motion else { return false };
+        if !self.known.contains_key(name) {
+            let link = links.enumerate().find(|(_, link)| link.name == name).map(|(id, _)| id);
+            let track = motion.tracks().find(|(id, _)| Some(*id) == link).map(|(_, track)| track);
+            let times = track.map_or_else(Vec::new, |track| match self.sources.pose_times {
+                Some(times) => times.to_vec(),
+                None => track.translation.times.clone(),
+            });
+            let step = usual_step(times.iter().copied()).unwrap_or(0.0);
+            self.known.insert(name.to_owned(), (times, step));
+        }
+        let Some((times, step)) = self.known.get(name) else { return false };
+        let after = times.partition_point(|&t| t < time);
+        let Some((&start, &end)) = after.checked_sub(1).and_then(|k| times.get(k)).zip(times.get(after))
+        else {
+            return false;
+        };
+        let [from, to] = [start, end].map(|time| pose_in_motion(motion, links, name, time));
+        (time - start).min(end - time) > MOST_STEPS_OF_POSES * step
+            && from.zip(to).is_some_and(|(from, to)| {
+                from.position.distance(to.position) > STILL[0]
+                    || from.rotation.angle_between(to.rotation) > STILL[1]
+            })
+    }
 }
 
 /// How the body of a row moves, in the frame of its link, with all joints.
@@ -254,6 +354,7 @@ fn felt(
     row: &TouchRow,
     sources: &RowSources<'_>,
     has_readings: bool,
+    period: f64,
 ) -> Result<Vec<(TaxelId, f64)>, TouchesError> {
     match (&row.felt, sources.readings) {
         (Some(felt), None) => {
@@ -265,7 +366,7 @@ fn felt(
             felt.iter().map(reading).collect()
         }
         (None, Some(readings)) => {
-            let frame = readings.frame_at(row.time).map_err(|span| TouchesError::OffClock {
+            let frame = readings.frame_at(row.time, period).map_err(|span| TouchesError::OffClock {
                 row: row.row,
                 found: row.time,
                 what: "readings",
@@ -295,9 +396,48 @@ impl TouchReadings {
         Ok(())
     }
 
-    /// The frame nearest to a time; an error with the span of the times if it is farther than half of the time between
-    /// frames.
-    fn frame_at(&self, time: Option<f64>) -> Result<usize, [f64; 2]> {
+    /// Checks that each taxel has one column, and that most are below the threshold where nothing touches.
+    ///
+    /// # Errors
+    /// [`TouchesError::ColumnTwice`], [`TouchesError::AlwaysActive`].
+    fn validate(&self) -> Result<(), TouchesError> {
+        let mut seen = BTreeSet::new();
+        let mut known = self.ids.iter().filter(|id| !TaxelId::PLACEHOLDERS.contains(id));
+        if let Some(&id) = known.find(|id| !seen.insert(**id)) {
+            return Err(TouchesError::ColumnTwice { id });
+        }
+        let (taxels, frames) = (self.ids.len(), self.times.len());
+        let times_active = |column: usize| {
+            self.values.iter().skip(column).step_by(taxels.max(1)).filter(|x| **x > self.threshold).count()
+        };
+        let is_always = |column: &usize| times_active(*column) as f64 > ALWAYS * frames as f64;
+        let active = (0..taxels).filter(is_always).count();
+        if 2 * active > taxels {
+            return Err(TouchesError::AlwaysActive { active, taxels, threshold: self.threshold });
+        }
+        Ok(())
+    }
+
+    /// Sets the threshold to the given one, or else to the one that the readings state, or to five times the noise.
+    ///
+    /// # Errors
+    /// [`TouchesError::NotOfTouch`] if the channel does not measure touches.
+    pub fn set_threshold(
+        &mut self,
+        channel: &Channel,
+        given: Option<f64>,
+        stated: Option<f64>,
+    ) -> Result<(), TouchesError> {
+        if !channel.kind.is_of_touch() {
+            return Err(TouchesError::NotOfTouch { channel: channel.name.clone() });
+        }
+        self.threshold = given.or(stated).unwrap_or_else(|| self.above_noise());
+        Ok(())
+    }
+
+    /// The frame nearest to a time; an error with the span of the times if it is farther than half of the usual time between
+    /// frames, `period`.
+    fn frame_at(&self, time: Option<f64>, period: f64) -> Result<usize, [f64; 2]> {
         let [first, last] = [self.times.first(), self.times.last()].map(|t| t.copied().unwrap_or(0.0));
         let Some(time) = time else { return Err([first, last]) };
         let after = self.times.partition_point(|&t| t < time);
@@ -306,7 +446,6 @@ impl TouchReadings {
         let found =
             near.min_by(|&a, &b| (self.times[a] - time).abs().total_cmp(&(self.times[b] - time).abs()));
         // Clocks of one recording agree to less than half of a frame.
-        let period = (last - first) / (self.times.len().max(2) - 1) as f64;
         let is_near = |&k: &usize| (self.times[k] - time).abs() <= 0.51 * period + 1e-9;
         found.filter(is_near).ok_or([first, last])
     }

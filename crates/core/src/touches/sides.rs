@@ -30,14 +30,25 @@ const LEAST_MEAN: f64 = 1.5;
 /// What a spacing between two taxels costs in the spanning tree, next to one less the cosine of their normals.
 const COST_OF_SPACING: f64 = 0.02;
 
+/// Fewer touches that tell the side do not determine it: readings of one that moves along the skin change with the force, too.
+const LEAST_TOLD: f64 = 3.0;
+
+/// A touch that moves farther than so many radii of its body is judged in pieces, since its skin has several directions.
+const PIECE: f64 = 2.0;
+
+/// The size of a piece where the radius is not known, in m.
+const PIECE_WITHOUT_RADIUS: f64 = 0.02;
+
 /// A sum over touches in standard deviations; 0 if they do not tell the side.
-fn side_told(sum: f64, count: f64) -> f64 {
-    if sum.abs() > LEAST_MEAN * count { sum / count.sqrt() } else { 0.0 }
+pub(crate) fn side_told(sum: f64, count: f64) -> f64 {
+    if count >= LEAST_TOLD && sum.abs() > LEAST_MEAN * count { sum / count.sqrt() } else { 0.0 }
 }
 
-/// What one touch says of the side.
+/// What one touch, or a piece of a long one, says of the side.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Outward {
+    /// The number of the touch.
+    pub(super) touch: usize,
     /// The mean position of the body, in the frame of the link, in m.
     pub(super) centre: DVec3,
     /// The direction in which the readings fell, its length in standard deviations; zero where the touch does not tell.
@@ -45,18 +56,30 @@ pub(super) struct Outward {
 }
 
 /// What each touch says of the side: a linear regression of the sums of the readings of its frames on the positions, and on the square
-/// of the way along it. At the rim of a bent skin readings fall, and the body bends inwards: that square says so, not the height.
+/// of the way along it. At the rim of a bent skin readings fall, and the body bends inwards: that square says so, not the height. A long
+/// touch has several pieces.
 pub(super) fn outwards(samples: &Samples, frames: usize) -> Vec<Outward> {
     let mut sums: Vec<Option<(usize, DVec3, f64)>> = vec![None; frames];
+    let mut sizes = vec![PIECE_WITHOUT_RADIUS; samples.touches.len()];
     for sample in samples.of.iter().flatten() {
         sums[sample.frame].get_or_insert((sample.touch, sample.centre, 0.0)).2 += sample.reading;
+        if sample.radius > 0.0 {
+            sizes[sample.touch] = PIECE * sample.radius;
+        }
     }
     let frames: Vec<(usize, DVec3, f64)> = sums.into_iter().flatten().collect();
-    let mut all = vec![Outward::default(); samples.touches.len()];
+    let mut all = Vec::new();
     for touch in frames.chunk_by(|a, b| a.0 == b.0) {
-        let centre = touch.iter().map(|frame| frame.1).sum::<DVec3>() / touch.len() as f64;
-        let direction = direction(touch, centre).unwrap_or(DVec3::ZERO);
-        all[touch[0].0] = Outward { centre, direction };
+        let number = touch[0].0;
+        let mut rest = touch;
+        while let Some(first) = rest.first() {
+            let is_far = |frame: &(usize, DVec3, f64)| frame.1.distance(first.1) > sizes[number];
+            let (piece, others) = rest.split_at(rest.iter().position(is_far).unwrap_or(rest.len()));
+            rest = others;
+            let centre = piece.iter().map(|frame| frame.1).sum::<DVec3>() / piece.len() as f64;
+            let direction = direction(piece, centre).unwrap_or(DVec3::ZERO);
+            all.push(Outward { touch: number, centre, direction });
+        }
     }
     all
 }
@@ -266,6 +289,7 @@ mod tests {
                 .flat_map(|(v, near)| near.iter().map(|&u| [v, u]).collect::<Vec<_>>())
                 .collect();
             let touch = |k: u32| Outward {
+                touch: k as usize,
                 centre: DVec3::new(along(k), along(2), 0.11),
                 direction: DVec3::new(0.0, 0.0, 5.0),
             };
@@ -276,5 +300,12 @@ mod tests {
                 assert!(normal.unwrap().z * side > 0.0, "gap {gap}: taxel {v:?} has {normal:?}");
             }
         }
+    }
+
+    /// One touch, or two, however certain, do not tell the side; three do.
+    #[test]
+    fn one_touch_does_not_tell_the_side() {
+        assert_eq!([side_told(6.0, 1.0), side_told(-12.0, 2.0)], [0.0, 0.0]);
+        assert!(side_told(-18.0, 3.0) < -LEAST_SIGMAS);
     }
 }

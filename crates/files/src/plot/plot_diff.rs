@@ -24,7 +24,7 @@ use crate::pyramid::LevelId;
 use crate::skin::{LinkId, PatchId, link_names};
 
 /// The kinds that places have, in the order of the legend, with their colours; that of a link as a whole has none.
-const KINDS: [(ChangeKind, Colour); 11] = [
+const KINDS: [(ChangeKind, Colour); 13] = [
     (ChangeKind::Moved, Colour::rgb(0xfd_ae6b)),
     (ChangeKind::Turned, Colour::rgb(0x9e_cae1)),
     (ChangeKind::Swapped, Colour::rgb(0xbc_bddc)),
@@ -36,6 +36,8 @@ const KINDS: [(ChangeKind, Colour); 11] = [
     (ChangeKind::Tilted, Colour::rgb(0xd9_b38c)),
     (ChangeKind::Resized, Colour::rgb(0xcc_ebc5)),
     (ChangeKind::Regrouped, Colour::rgb(0xe5_c494)),
+    (ChangeKind::Modality, Colour::rgb(0xfb_8072)),
+    (ChangeKind::Region, Colour::rgb(0xb3_de69)),
 ];
 
 /// Motions up to this many distances between taxels follow the differential of the map.

@@ -49,7 +49,7 @@ def touches(
         Readings of the taxels, at the times of the log, if it has no column `taxels`; without ids those of all taxels of `skin`
         in its order.
     threshold : float, optional
-        A taxel is active above this, in the unit of the readings; by default five times the noise.
+        A taxel is active above this, in the unit of the readings; by default the one that `readings` state, or five times the noise.
     pose : str or os.PathLike, optional
         Poses of links: a table, or a robot (.urdf, .xml), with `joints`.
     joints : mapping of str to float, str or os.PathLike, optional
@@ -133,8 +133,8 @@ def touches(
     return contacts_of_log({"text": table("log", log)}, arguments)
 
 
-def _readings(source: Readings | str | os.PathLike[str], has_skin: bool) -> tuple[Any, Any, Any, str, str]:
-    """Times, ids or None, and values."""
+def _readings(source: Readings | str | os.PathLike[str], has_skin: bool) -> tuple[Any, Any, Any, str, str, float | None]:
+    """Times, ids or None, values, name and unit of the channel, and the threshold that the readings state."""
     from dermatome._readings import Readings
 
     readings = Readings.read(source) if isinstance(source, (str, os.PathLike)) else source
@@ -143,7 +143,7 @@ def _readings(source: Readings | str | os.PathLike[str], has_skin: bool) -> tupl
         raise DataError(f"readings: found {readings.values.shape[1]} channels; needed: a recording with one")
     if readings.ids is None and not has_skin:
         raise DataError("readings: found no ids of taxels; needed: ids, or skin, whose taxels the columns are in its order")
-    return readings.timestamps, readings.ids, readings.values[:, 0], readings.channels[0], readings.units[0]
+    return readings.timestamps, readings.ids, readings.values[:, 0], readings.channels[0], readings.units[0], readings.threshold
 
 
 touches.__module__ = "dermatome"

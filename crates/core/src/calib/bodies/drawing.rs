@@ -5,8 +5,9 @@ use std::collections::{HashMap, HashSet};
 use super::cad::{CadSkin, ModuleId, NamedTaxel};
 use super::result::{BodyCalibration, CalibratedTaxel};
 use crate::calib::CalibError;
+use crate::id::VertexId;
 use crate::skin::sentence::first_few;
-use crate::skin::{AssembleOptions, Draft, Names, Sheet, Skin, TaxelId, assemble};
+use crate::skin::{AssembleOptions, Draft, Names, Presence, Sheet, Skin, TaxelId, assemble};
 
 /// The name of the module of each taxel, by its id.
 pub type ModuleNames = HashMap<TaxelId, String>;
@@ -21,7 +22,8 @@ enum Modules<'m> {
 }
 
 impl CadSkin {
-    /// The bodies of a drawing as a file has it: its sheets are patches. Modules are those that are named, else those that the
+    /// The bodies of a drawing as a file has it: its sheets are patches. Slots without a taxel, and those that share an id as a
+    /// placeholder, are left out. Modules are those that are named, else those that the
     /// sheets count, else the pieces that are connected.
     ///
     /// # Errors
@@ -35,11 +37,15 @@ impl CadSkin {
         let mut names = Names::new(draft.sheets.iter().map(Sheet::title));
         let patches: Vec<String> = draft.sheets.iter().map(|sheet| names.next(sheet.title())).collect();
         let modules = Modules::find(draft, modules)?;
+        let shared =
+            shared_placeholders(draft.sheets.iter().filter_map(|sheet| sheet.ids.as_deref()).flatten());
         let mut taxels = Vec::new();
         for (sheet, patch) in draft.sheets.iter().zip(&patches) {
             let ids = sheet.ids.as_deref().filter(|ids| ids.len() == sheet.positions.len());
             let ids = ids.ok_or_else(|| CalibError::CadWithoutIds { patch: patch.clone() })?;
-            for (k, &id) in ids.iter().enumerate() {
+            let presence = |k: usize| sheet.presence.as_ref().and_then(|all| all.get(k));
+            let is_taxel = |k: usize, id| presence(k) != Some(&Presence::Absent) && !shared.contains(&id);
+            for (k, &id) in ids.iter().enumerate().filter(|&(k, id)| is_taxel(k, *id)) {
                 let module = modules.of(sheet, patch, k, id).ok_or(CalibError::NoModule { id })?;
                 let normal = sheet.normals.as_ref().and_then(|normals| normals.get(k)).copied();
                 taxels.push((id, sheet.positions[k], normal, module, patch));
@@ -63,9 +69,12 @@ impl CadSkin {
         if skin.patches.iter().any(|patch| Some(patch.link) != first) {
             return Err(CalibError::CadOnSeveralLinks);
         }
+        let shared = shared_placeholders(skin.patches.iter().flat_map(|patch| &patch.taxels.ids));
         let mut taxels = Vec::new();
         for patch in &skin.patches {
-            for (v, &id) in patch.taxels.ids.enumerate() {
+            let is_taxel =
+                |v: VertexId, id| patch.taxels.presence[v] != Presence::Absent && !shared.contains(&id);
+            for (v, &id) in patch.taxels.ids.enumerate().filter(|&(v, id)| is_taxel(v, *id)) {
                 let module = match modules {
                     Some(names) => names.get(&id).ok_or(CalibError::NoModule { id })?,
                     None => &patch.name,
@@ -110,6 +119,10 @@ impl BodyCalibration {
             let names = first_few(&names);
             said.push(format!("without a touch, a module keeps its drawn pose on its patch: {names}"));
         }
+        if self.assumed_radii > 0 {
+            let touches = self.assumed_radii;
+            said.push(format!("{touches} touches have no radius of the body: it is taken from the others"));
+        }
         said.extend(self.doubts());
         said
     }
@@ -133,6 +146,12 @@ impl BodyCalibration {
             patch.taxels.covariances = Some(taxels.map(|taxel| taxel.map(|t| t.covariance)));
         }
     }
+}
+
+/// The placeholders that several slots have as their id.
+fn shared_placeholders<'i>(ids: impl Iterator<Item = &'i TaxelId> + Clone) -> Vec<TaxelId> {
+    let is_shared = |id: &TaxelId| ids.clone().filter(|other| *other == id).count() > 1;
+    TaxelId::PLACEHOLDERS.into_iter().filter(is_shared).collect()
 }
 
 impl<'m> Modules<'m> {

@@ -1,8 +1,10 @@
 //! How well contacts that were held back are predicted, when the skin moves as one body, by patches or by modules:
 //! which level the touches support, and whether the fit can be believed.
 
+use glam::DVec3;
+
 use super::options::{BodyLevel, Folds};
-use super::placement::{Hierarchy, Placement};
+use super::placement::{BodyId, Hierarchy, Placement};
 use super::solve::{Solved, continued};
 use super::start::down_to;
 use super::touches::{Touch, Touches};
@@ -40,6 +42,10 @@ pub struct HeldBack {
     /// `1 - (d / s)^2`: `d` is the median distance of held-back touches from their prediction at the supported level, `s` that of the touches
     /// from their middle.
     pub explained: f64,
+    /// The same of the touches of each patch alone, in the order of the patches: the share of the whole says little of taxels that are
+    /// exchanged within a patch on a long link. `None` of a patch with few touches, or whose drawn taxels are nearly as close together as
+    /// touches are exact.
+    pub explained_of_patches: Vec<Option<f64>>,
     /// How much nearer the fit predicts held-back contacts than the drawing, in standard errors of the difference.
     pub gain: f64,
 }
@@ -51,9 +57,17 @@ const LEVEL_ERRORS: f64 = 2.0;
 /// When levels are compared, a distance counts at most this many medians, so that wrong touches do not decide.
 const MOST_MEDIANS: f64 = 3.0;
 
+/// A patch with fewer touches is not judged.
+const LEAST_TOUCHES: usize = 10;
+
+/// The squared spread of the drawn taxels that felt them over that of the touches of a patch, below which noise decides.
+const LEAST_PREDICTED: f64 = 0.5;
+
 /// Distances at one level, or of the drawing.
 struct Distances {
+    /// In the order in which they are predicted, with the touch.
     touches: Vec<f64>,
+    of: Vec<Touch>,
     /// Mean of each contact.
     contacts: Vec<f64>,
 }
@@ -78,7 +92,7 @@ pub(super) fn score(
     }
     let levels: Vec<BodyLevel> =
         BodyLevel::ALL.into_iter().filter(|level| *level <= fitted.learned.level).collect();
-    let empty = || Distances { touches: Vec::new(), contacts: vec![0.0; touches.contacts] };
+    let empty = || Distances { touches: Vec::new(), of: Vec::new(), contacts: vec![0.0; touches.contacts] };
     let mut all: Vec<Distances> = levels.iter().map(|_| empty()).collect();
     let mut drawn = empty();
     let drawing = Placement::drawn(hierarchy);
@@ -99,25 +113,24 @@ pub(super) fn score(
             supported = k;
         }
     }
-    let spread = touches.spread();
+    let spread = spread(touches.all.iter().map(|touch| touch.position));
     let best = &all[supported];
     Ok(HeldBack {
         supported: levels[supported],
         drawn_median: drawn.median(),
         drawn_most: tenths(&drawn.touches, 9),
         explained: 1.0 - (best.median() / spread).powi(2),
+        explained_of_patches: best.explained_of_patches(hierarchy),
         gain: best.gain_over(&drawn, MOST_MEDIANS * drawn.median()),
         scores: levels.into_iter().zip(&all).map(|(level, distances)| distances.score(level)).collect(),
     })
 }
 
-impl Touches {
-    /// The median distance of the touches from their middle, in m.
-    fn spread(&self) -> f64 {
-        let along = |axis: usize| median(self.all.iter().map(|touch| touch.position[axis])).unwrap_or(0.0);
-        let middle = glam::DVec3::from_array([0, 1, 2].map(along));
-        median(self.all.iter().map(|touch| touch.position.distance(middle))).unwrap_or(0.0)
-    }
+/// The median distance of some places from their middle, in m.
+fn spread(places: impl Iterator<Item = DVec3> + Clone) -> f64 {
+    let along = |axis: usize| median(places.clone().map(|place| place[axis])).unwrap_or(0.0);
+    let middle = DVec3::from_array([0, 1, 2].map(along));
+    median(places.clone().map(|place| place.distance(middle))).unwrap_or(0.0)
 }
 
 /// The quantile of some numbers, in tenths.
@@ -130,7 +143,27 @@ impl Distances {
     fn add(&mut self, at: &Placement, hierarchy: &Hierarchy, touch: &Touch) {
         let distance = at.error(hierarchy, touch).0.length();
         self.touches.push(distance);
+        self.of.push(touch.clone());
         self.contacts[touch.contact] += touch.weight * distance;
+    }
+
+    /// What is explained of the touches of each patch.
+    fn explained_of_patches(&self, hierarchy: &Hierarchy) -> Vec<Option<f64>> {
+        let patches = hierarchy.levels.enumerate().filter(|(_, level)| **level == BodyLevel::Patch);
+        let explained = |patch: BodyId| {
+            let is_own = |touch: &Touch| touch.taxels.iter().all(|&(v, _)| hierarchy.chain(v)[1] == patch);
+            let own: Vec<(f64, &Touch)> =
+                self.touches.iter().copied().zip(&self.of).filter(|(_, touch)| is_own(touch)).collect();
+            let seen = spread(own.iter().map(|(_, touch)| touch.position));
+            // Of the taxels one by one: means of taxels that are exchanged are closer together.
+            let felt =
+                own.iter().flat_map(|(_, touch)| touch.taxels.iter().map(|&(v, _)| hierarchy.positions[v]));
+            let predicted = spread(felt);
+            let is_judged = own.len() >= LEAST_TOUCHES && predicted.powi(2) > LEAST_PREDICTED * seen.powi(2);
+            let distance = median(own.iter().map(|(distance, _)| *distance))?;
+            is_judged.then(|| 1.0 - (distance / seen).powi(2))
+        };
+        patches.map(|(patch, _)| explained(patch)).collect()
     }
 
     fn median(&self) -> f64 {

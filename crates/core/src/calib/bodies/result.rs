@@ -126,6 +126,14 @@ pub struct BodyCalibration {
     /// Whether readings fall along the normals of the fit, as a sphere moves outwards, in standard deviations: far above 0 for
     /// the right drawing, far below for a mirrored one; 0 if the touches do not tell.
     pub side: f64,
+    /// The same of each patch, by its name, from the touches of its taxels alone.
+    pub sides: Vec<(String, f64)>,
+    /// Touches that have a centre without a radius: theirs is taken from the others.
+    pub assumed_radii: usize,
+    /// The tolerances of the mount and, if it is fitted, of the standoff, in m.
+    pub mount_tolerance: Tolerance,
+    /// See [`Self::mount_tolerance`].
+    pub standoff_tolerance: Option<f64>,
     /// Levels below the mount, down to that of the options, with their tolerance as given and as learned from the touches.
     pub tolerances: Vec<(BodyLevel, Tolerance, Tolerance)>,
     /// Number of touches and of contacts.
@@ -201,7 +209,11 @@ impl Fit<'_> {
             noise: median(sigmas.iter().map(|[found, _]| *found)).unwrap_or(f64::NAN),
             noise_over_stated: median(sigmas.iter().map(|[found, stated]| found / stated))
                 .unwrap_or(f64::NAN),
-            side: self.side(),
+            side: self.side(|_| true),
+            sides: self.sides(),
+            assumed_radii: touches.assumed_radii,
+            mount_tolerance: options.mount,
+            standoff_tolerance: options.standoff,
             tolerances: tolerances.collect(),
             counts: [touches.all.len(), touches.contacts],
             rejected: rejected.map(|(touch, _)| touch).collect(),
@@ -227,19 +239,34 @@ impl Fit<'_> {
         all.map(offset).collect()
     }
 
-    /// The sum over the touches of how their readings fall along the normals, each bounded.
-    fn side(&self) -> f64 {
+    /// The sum over some touches of how their readings fall along the normals, each bounded.
+    fn side(&self, is_taken: impl Fn(&Touch) -> bool) -> f64 {
         /// A touch counts at most this many standard deviations.
         const MOST_SIGMAS: f64 = 6.0;
         /// The sum decides only if their mean is beyond this: presses have 4.7, a sphere that rolls with a constant force 0.9.
         const LEAST_MEAN: f64 = 1.5;
-        let falls = self.touches.all.iter().filter(|touch| touch.outward != DVec3::ZERO).map(|touch| {
+        /// Fewer touches do not tell the side: readings of one that moves along the skin change with the force, too.
+        const LEAST_TOUCHES: usize = 3;
+        let told = self.touches.all.iter().filter(|touch| touch.outward != DVec3::ZERO && is_taken(touch));
+        let falls = told.map(|touch| {
             let normal = self.solved.placement.error(self.hierarchy, touch).1;
             normal.dot(touch.outward).clamp(-MOST_SIGMAS, MOST_SIGMAS)
         });
         let falls: Vec<f64> = falls.collect();
         let (sum, count) = (falls.iter().sum::<f64>(), falls.len() as f64);
-        if sum.abs() > LEAST_MEAN * count { sum / count.sqrt() } else { 0.0 }
+        let is_told = falls.len() >= LEAST_TOUCHES && sum.abs() > LEAST_MEAN * count;
+        if is_told { sum / count.sqrt() } else { 0.0 }
+    }
+
+    /// The side of each patch: those of patches with other normals cancel in the sum of all.
+    fn sides(&self) -> Vec<(String, f64)> {
+        let patches = self.cad.patches.enumerate();
+        let side = |patch| {
+            let on_patch =
+                |&(v, _): &(VertexId, f64)| self.cad.modules[self.cad.taxels[v].module].patch == patch;
+            self.side(|touch| touch.taxels.iter().all(on_patch))
+        };
+        patches.map(|(patch, name)| (name.clone(), side(patch))).collect()
     }
 
     /// Number of contacts of inliers that each body carries.

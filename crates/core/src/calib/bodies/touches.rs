@@ -59,7 +59,12 @@ pub(super) struct Touches {
     pub(super) joints: Vec<TouchJoint>,
     /// Whether the delay of the readings is fitted.
     pub(super) has_delay: bool,
+    /// Touches whose radius is not known, and is taken from the others.
+    pub(super) assumed_radii: usize,
 }
+
+/// Radii that differ by a larger share are those of several bodies.
+const ONE_RADIUS: f64 = 0.01;
 
 /// What is stated of the centre of a body next to the mean of the taxels that feel it, in m per axis: taxels are a few
 /// millimetres apart, and the scale is estimated.
@@ -82,8 +87,9 @@ struct RowSum {
     information: DMat3,
     /// Sum of the normals of its taxels.
     normal: DVec3,
-    /// Weighted sums of the centre and of the radius, where all rows have them.
-    body: Option<(DVec3, f64)>,
+    /// The weighted sum of the centre, where all rows have it; those of the radii that are known, and of their weights.
+    body: Option<DVec3>,
+    radius: [f64; 2],
     outward: DVec3,
     path: Option<DVec3>,
     velocity: DVec3,
@@ -94,8 +100,8 @@ impl Touches {
     /// The touches of observations, on a drawing.
     ///
     /// # Errors
-    /// If the observations are not contacts of positions, a taxel is not in the drawing, the rows of a touch are in
-    /// different contacts, or an offset of the probe or of joints is fitted and the rows do not say how the touch moves with it.
+    /// If the observations are not contacts of positions, a taxel is not in the drawing or twice in a touch, the rows of a touch are in
+    /// different contacts, touches without a radius are among those of several radii, or an offset of the probe or of joints is fitted and the rows do not say how the touch moves with it.
     pub(super) fn new(
         observations: &Observations,
         cad: &CadSkin,
@@ -154,16 +160,20 @@ impl Touches {
             sum.velocity += row.weight * row.velocity.unwrap_or(DVec3::ZERO);
             sum.outward += row.weight * row.outward.unwrap_or(DVec3::ZERO);
             sum.normal += cad.taxels[vertex].normal.unwrap_or(DVec3::ZERO);
-            sum.body = sum.body.zip(row.body).map(|((centre, radius), body)| {
-                (centre + row.weight * body.centre, radius + row.weight * body.radius)
-            });
+            sum.body = sum.body.zip(row.body).map(|(centre, body)| centre + row.weight * body.centre);
+            if let Some(radius) = row.body.map(|body| body.radius).filter(|radius| *radius > 0.0) {
+                sum.radius = [sum.radius[0] + row.weight * radius, sum.radius[1] + row.weight];
+            }
+            if sum.taxels.iter().any(|(other, _)| *other == vertex) {
+                return Err(CalibError::TaxelTwiceInTouch { contact, id, first: sum.first });
+            }
             sum.taxels.push((vertex, row.weight));
             sum.weight += row.weight;
             sum.position += row.weight * position;
             sum.probe += row.weight * DMat3::from_quat(row.probe.unwrap_or_default());
             sum.information += row.weight * information.matrix();
         }
-        let mut touches = Self::of_sums(sums);
+        let mut touches = Self::of_sums(sums)?;
         touches.has_delay =
             observations.touches.iter().any(|row| row.velocity.is_some_and(|v| v != DVec3::ZERO));
         if options.joints.is_some() {
@@ -175,7 +185,23 @@ impl Touches {
         Ok(touches)
     }
 
-    fn of_sums(sums: IdVec<TouchId, RowSum>) -> Self {
+    /// The radius of touches that have a centre and no radius: that of the others, if all agree; 0 if none has one.
+    fn common_radius(sums: &IdVec<TouchId, RowSum>) -> Result<f64, CalibError> {
+        let with_centre = || sums.iter().filter(|sum| sum.body.is_some());
+        let Some(unknown) = with_centre().find(|sum| sum.radius[1] == 0.0) else { return Ok(0.0) };
+        let known =
+            || with_centre().filter(|sum| sum.radius[1] > 0.0).map(|sum| sum.radius[0] / sum.radius[1]);
+        let Some(usual) = median(known()) else { return Ok(0.0) };
+        if known().any(|radius| (radius / usual - 1.0).abs() > ONE_RADIUS) {
+            let count = with_centre().filter(|sum| sum.radius[1] == 0.0).count();
+            return Err(CalibError::NoRadius { contact: unknown.first, count });
+        }
+        Ok(usual)
+    }
+
+    fn of_sums(sums: IdVec<TouchId, RowSum>) -> Result<Self, CalibError> {
+        let common = Self::common_radius(&sums)?;
+        let mut assumed_radii = 0;
         let (mut numbers, mut counts) = (HashMap::<u64, usize>::new(), Vec::<usize>::new());
         let mut all: IdVec<TouchId, Touch> = IdVec::default();
         for sum in sums {
@@ -187,11 +213,12 @@ impl Touches {
             counts[contact] += 1;
             let share = sum.weight.recip();
             // Without a normal nothing says where the taxels are from the centre, but the positions of the rows do.
-            let body = sum.body.filter(|(_, radius)| *radius == 0.0 || sum.normal != DVec3::ZERO);
+            let [radii, of] = sum.radius;
+            let radius = if of > 0.0 { radii / of } else { common };
+            assumed_radii += usize::from(sum.body.is_some() && of == 0.0 && common > 0.0);
+            let body = sum.body.filter(|_| radius == 0.0 || sum.normal != DVec3::ZERO);
             let (position, stated, lift) = match body {
-                Some((centre, radius)) => {
-                    (share * centre, Stated::isotropic(CENTRE_SIGMA), LIFT * share * radius)
-                }
+                Some(centre) => (share * centre, Stated::isotropic(CENTRE_SIGMA), LIFT * radius),
                 None => (share * sum.position, Stated::of_information(&(sum.information * share)), 0.0),
             };
             all.push(Touch {
@@ -214,7 +241,7 @@ impl Touches {
             });
         }
         all.iter_mut().for_each(|touch: &mut Touch| touch.weight = (counts[touch.contact] as f64).recip());
-        Self { all, contacts: counts.len(), joints: Vec::new(), has_delay: false }
+        Ok(Self { all, contacts: counts.len(), joints: Vec::new(), has_delay: false, assumed_radii })
     }
 
     /// The standard deviation of the standoff where touches are centres of spheres: a tenth of their radius, at least 1 mm.
@@ -248,7 +275,8 @@ impl RowSum {
             probe: DMat3::ZERO,
             information: DMat3::ZERO,
             normal: DVec3::ZERO,
-            body: Some((DVec3::ZERO, 0.0)),
+            body: Some(DVec3::ZERO),
+            radius: [0.0; 2],
             outward: DVec3::ZERO,
             path: row.path,
             velocity: DVec3::ZERO,

@@ -3,11 +3,16 @@
 //!
 //! The share of rejected touches says little of a wrong log, since noise is estimated: everything becomes noise.
 
+use super::options::BodyLevel;
 use super::result::BodyCalibration;
 use crate::calib::JointMotion;
 
 /// Least share of the spread of the touches that the fit explains.
 const LEAST_EXPLAINED: f64 = 0.85;
+
+/// The same of the touches of one patch: at least 0.6 where its taxels are right and their noise is below their distances, at most 0 where
+/// they are exchanged at random.
+const LEAST_EXPLAINED_OF_PATCH: f64 = 0.3;
 
 /// Most touches that may be outliers.
 const MOST_REJECTED: f64 = 0.5;
@@ -37,6 +42,14 @@ impl BodyCalibration {
                  mirrored, or its normals point inwards",
                 -self.side
             ));
+        } else {
+            for (patch, side) in self.sides.iter().filter(|(_, side)| *side < LEAST_SIDE) {
+                said.push(format!(
+                    "readings on the patch {patch} grow as the sphere moves outwards by the normals of the fit ({:.0} standard \
+                     deviations): it is mirrored, or its normals point inwards",
+                    -side
+                ));
+            }
         }
         let Some(held_back) = &self.held_back else { return said };
         if held_back.explained.is_nan() || held_back.explained < LEAST_EXPLAINED {
@@ -45,6 +58,16 @@ impl BodyCalibration {
                  the drawing",
                 held_back.explained
             ));
+        }
+        let patches = self.bodies.iter().filter(|body| body.level == BodyLevel::Patch);
+        for (patch, explained) in patches.zip(&held_back.explained_of_patches) {
+            if let Some(explained) = explained.filter(|explained| *explained < LEAST_EXPLAINED_OF_PATCH) {
+                said.push(format!(
+                    "the fit explains {explained:.2} of where the touches of the patch {} are (needed: {LEAST_EXPLAINED_OF_PATCH}): its \
+                     taxels are not those of the drawing",
+                    patch.name
+                ));
+            }
         }
         let rejected = self.rejected.len() as f64 / self.counts[0] as f64;
         if rejected > MOST_REJECTED {
@@ -78,6 +101,29 @@ impl BodyCalibration {
                     ));
                 }
             }
+        }
+        if let Some((mount, of)) = self.bodies.first().map(|mount| (mount, self.mount_tolerance)) {
+            for (moved, given, unit, scale) in [
+                (mount.translation.length(), of.translation, "mm", 1e3),
+                (mount.rotation.length(), of.rotation, "degrees", 1_f64.to_degrees()),
+            ] {
+                if moved > DOUBTFUL_TIMES * given {
+                    said.push(format!(
+                        "the mount moved by {:.1} {unit}, far beyond its tolerance of {:.1}",
+                        scale * moved,
+                        scale * given
+                    ));
+                }
+            }
+        }
+        if let Some(([standoff, _], given)) = self.standoff.zip(self.standoff_tolerance)
+            && standoff.abs() > DOUBTFUL_TIMES * given
+        {
+            said.push(format!(
+                "touches are {:.1} mm farther from the taxels than the radius says, far beyond the tolerance of {:.1}",
+                1e3 * standoff,
+                1e3 * given
+            ));
         }
         for found in &self.joints {
             if found.offset.abs() > DOUBTFUL_TIMES * found.tolerance {

@@ -93,9 +93,9 @@ impl TouchColumns {
         });
         Ok(TouchRow {
             touch: self.touch.map(whole).transpose()?,
-            contact: self.contact.map(whole).transpose()?,
+            contact: self.contact.filter(|&column| !row.text(column).is_empty()).map(whole).transpose()?,
             weight: weight.transpose()?.unwrap_or(1.0),
-            probe: self.probe.map(|columns| row.rotation(columns)).transpose()?,
+            probe: self.probe.map_or(Ok(None), |columns| row.rotation_if_any(columns))?,
             body: self.body.map(body).transpose()?,
             outward: self.outward.map(vector).transpose()?,
             path: self.path.map(vector).transpose()?,

@@ -9,6 +9,7 @@ use crate::{
         file::{OutPath, Source},
         table::{
             Table, TimeColumn,
+            motion::{BEGINS_ANEW, ONE_CLOCK, begins_anew},
             writer::{header_of, write_table},
         },
     },
@@ -31,7 +32,7 @@ pub struct JointTable {
 ///
 /// # Errors
 /// If the file cannot be read, has no column of a joint or no row, a cell is not a finite number, or there are
-/// several rows without times.
+/// several rows without times, or their times begin anew.
 pub fn read_joint_values(path: &Path, robot: &Robot) -> Result<JointTable> {
     let source = Source::open(path)?;
     let table = Table::of(&source)?;
@@ -51,17 +52,21 @@ pub fn read_joint_values(path: &Path, robot: &Robot) -> Result<JointTable> {
     let mut known: Vec<&str> = columns.iter().map(|&(k, _)| &*robot.joints[k].name).collect();
     known.push("time");
     let unused = table.columns.unused(&known);
-    let mut count = 0;
+    let (mut count, mut lines) = (0, Vec::new());
     let rows = table.some_rows("the values of joints", |row| {
         let at = time.map_or(Ok(0.0), |time| row.time(time))?;
         let given = columns.iter().map(|&(k, column)| Ok((k, row.number(column)?)));
         let values = robot.joint_values(&given.collect::<Result<Vec<_>>>()?);
         count += 1;
+        lines.push((at, row.at.line));
         if time.is_none() && count > 1 {
             return Err(row.at.invalid("a second row", "a column `time`, or one row"));
         }
         Ok((at, values))
     })?;
+    if let Some(line) = begins_anew(&lines) {
+        return Err(source.invalid((line, ""), BEGINS_ANEW, ONE_CLOCK));
+    }
     let given = columns.iter().map(|&(k, _)| k).collect();
     Ok(JointTable { rows, given, unused })
 }

@@ -38,15 +38,16 @@ pub struct MotionFile {
 /// link moves as in the file.
 ///
 /// Any other file is a table of poses in the world: columns `link,x,y,z,qx,qy,qz,qw` and optionally
-/// `time`, in any order, in m, s and unit quaternions, rows in any order. Without `time` a link has one
-/// pose for all times.
+/// `time`, in any order, in m, s and unit quaternions. Without `time` a link has one
+/// pose for all times. Times of a link may fall from row to row only to times that no other run of its rows covers: two recordings
+/// whose clock began anew are not one motion.
 ///
 /// # Errors
 /// If the file cannot be read, or several links have a name that it uses. Of an animation, if it is not
 /// there, breaks a rule of glTF 2.0, or does more than move links rigidly. Of a table, if an animation
 /// is requested, a column is missing, there are no rows, a cell is not a finite number, a quaternion is
-/// not of unit length, a scale (`scale`, `sx`, `sy` or `sz`) is not 1, or a link is unknown or comes
-/// twice at one time.
+/// not of unit length, a scale (`scale`, `sx`, `sy` or `sz`) is not 1, a link is unknown or comes
+/// twice at one time, or its times begin anew.
 pub fn read_motion(
     path: &Path,
     animation: Option<&str>,
@@ -89,6 +90,7 @@ fn read_poses(source: &Source, names: &IdVec<LinkId, String>) -> Result<MotionFi
     let rotation = table.columns.need_vector(["qx", "qy", "qz", "qw"])?;
     let scales: Vec<_> = SCALES.iter().filter_map(|name| table.columns.find(name)).collect();
     let mut keys = IdVec::<LinkId, Vec<(f64, DAffine3)>>::default();
+    let mut lines = IdVec::<LinkId, Vec<(f64, usize)>>::default();
     let mut seen = HashSet::new();
     table.each_row(&mut |row| {
         let pose = DAffine3::from_rotation_translation(row.rotation(rotation)?, row.vector(position)?);
@@ -115,6 +117,10 @@ fn read_poses(source: &Source, names: &IdVec<LinkId, String>) -> Result<MotionFi
             keys.push(Vec::new());
         }
         keys[found].push((at, pose));
+        while lines.len() <= found.index() {
+            lines.push(Vec::new());
+        }
+        lines[found].push((at, row.at.line));
         Ok(())
     })?;
     if keys.is_empty() {
@@ -124,10 +130,51 @@ fn read_poses(source: &Source, names: &IdVec<LinkId, String>) -> Result<MotionFi
             "the pose of a link",
         ));
     }
+    if let Some(line) = lines.iter().filter_map(|lines| begins_anew(lines)).min() {
+        return Err(source.invalid((line, ""), BEGINS_ANEW, ONE_CLOCK));
+    }
     let mut motion = Motion::default();
     for (link, keys) in keys.enumerate().filter(|(_, keys)| !keys.is_empty()) {
         let invalid = |error| source.invalid(format!("{link}"), format!("{error}"), "rigid poses");
         motion.set(link, MotionFrame::World, keys).map_err(invalid)?;
     }
     Ok(MotionFile { motion, unused })
+}
+
+/// What is said of rows whose times [begin anew](begins_anew).
+pub(super) const BEGINS_ANEW: &str = "a time before that of the row above, among times of other rows";
+pub(super) const ONE_CLOCK: &str = "the times of one run of the clock";
+
+/// The line at which times begin anew: they fall, and what follows is among times of rows elsewhere. Rows are times in s and lines.
+pub(super) fn begins_anew(rows: &[(f64, usize)]) -> Option<usize> {
+    let mut runs: Vec<&[(f64, usize)]> = rows.chunk_by(|a, b| a.0 <= b.0).collect();
+    runs.sort_by(|a, b| a[0].0.total_cmp(&b[0].0));
+    let overlap = |pair: &[&[(f64, usize)]]| {
+        let is_over = pair[0].last().is_some_and(|last| pair[1][0].0 < last.0);
+        is_over.then(|| pair[0][0].1.max(pair[1][0].1))
+    };
+    runs.windows(2).filter_map(overlap).min()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Rows may stand in another order; two runs of one clock may not.
+    #[test]
+    fn times_that_begin_anew_are_found() {
+        let found = |times: &[f64]| begins_anew(&times.iter().copied().zip(2..).collect::<Vec<_>>());
+        for times in [
+            &[0.0, 1.0, 2.0][..],
+            &[2.0, 0.0],
+            &[2.0, 1.0, 0.0],
+            &[3.0, 4.0, 0.0, 1.0],
+            &[0.0, 1.0, 1.0],
+            &[],
+        ] {
+            assert_eq!(found(times), None, "{times:?}");
+        }
+        assert_eq!(found(&[0.0, 1.0, 2.0, 0.0, 1.0]), Some(5));
+        assert_eq!(found(&[0.0, 1.0, 2.0, 0.5, 1.5]), Some(5));
+    }
 }
