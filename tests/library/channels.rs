@@ -7,7 +7,8 @@ use dermatome::id::VertexId;
 use dermatome::io::{KnownRest, Readings, ReadingsReader};
 use dermatome::map::SkinMap;
 use dermatome::mesh::shapes;
-use dermatome::recording::{Fill, Recording, RecordingOptions};
+use dermatome::recording::{Fill, Recording, RecordingOptions, Reference, respond};
+use dermatome::run::Run;
 use dermatome::signal::{
     Channel, ConditionOptions, Filler, Frame, Group, Response, Rest, Scale, SignalError, Stage,
     TaxelResponse, TaxelState, TrackerOptions, Zero,
@@ -178,7 +179,7 @@ fn tared_readings_are_summed_as_they_are() {
     for noise in [0.0, 10.0] {
         for (stated, zero) in [(None, Zero::Taken), (Some(30.0), Zero::Taken), (None, Zero::At(0.0))] {
             let mut readings = loaded(|frame| if frame < 40 { 1000.0 } else { 0.0 }, 0.0, noise, "Pa");
-            readings.rest = KnownRest { is_zero: zero == Zero::Taken, threshold: stated };
+            readings.rest = KnownRest { is_zero: vec![zero == Zero::Taken], threshold: stated };
             let (peak, threshold, remarks) = summary(&map, readings, zero);
             assert!((peak - 1000.0).abs() <= noise, "{peak}");
             let expected = stated.map_or([noise * 2.0, noise * 5.0], |stated| [stated; 2]);
@@ -240,4 +241,113 @@ fn pressures_keep_the_names_apart() {
     assert_eq!(names(["force", "pressure", "other"], ""), ["force[Pa]", "pressure[Pa]", "other[Pa]"]);
     assert_eq!(names(["pdc", "force", "pac"], "pac"), ["pdc[count]", "force[count]", "pac[Pa]"]);
     assert_eq!(names(["pdc", "force", "pac"], "none"), ["pdc[Pa]", "pressure[Pa]", "pac[Pa]"]);
+}
+
+/// Two statements of one unit are compared, and the zeros of a response are subtracted where no other zero is known.
+#[test]
+fn units_and_zeros_of_a_response_are_those_that_are_stated() {
+    let map = sheet();
+    let open = |units: [&str; 3], options: &RecordingOptions| {
+        Recording::open(&map, ReadingsReader::memory(readings(units)).unwrap(), options)
+    };
+    let given = |unit: &str| RecordingOptions {
+        units: [unit, unit, "degC"].map(String::from).to_vec(),
+        ..RecordingOptions::default()
+    };
+    let refused = open(["kPa", "kPa", "degC"], &given("Pa")).err().unwrap();
+    assert!(matches!(refused, SignalError::UnitTwice { .. }), "{refused}");
+    for unit in ["", "kPa"] {
+        assert!(open([unit, unit, "degC"], &given("kPa")).is_ok(), "{unit:?}");
+    }
+    let with = |response: Response, zero: Zero| RecordingOptions {
+        condition: ConditionOptions { zero, response: Some(response), ..ConditionOptions::default() },
+        ..RecordingOptions::default()
+    };
+    let counts = ["count", "count", "degC"];
+    let first = |mut recording: Recording| {
+        recording.next_step().unwrap().unwrap().frame.values[patch()][0][VertexId::new(0)]
+    };
+    let taken = open(counts, &with(response("count"), Zero::Taken)).unwrap();
+    assert!(taken.statements().iter().any(|known| known.value == "that of the response, subtracted"));
+    assert_eq!(taken.tracker_options(0).rest, Rest::AtZero);
+    let stored = first(open(counts, &with(response("count"), Zero::Stored)).unwrap());
+    assert_eq!(first(taken), stored);
+    let without = || {
+        let mut response = response("count");
+        response.taxels[5].zero = None;
+        response
+    };
+    let refused = open(counts, &with(without(), Zero::Taken)).err().unwrap();
+    assert!(matches!(refused, SignalError::ZerosUnknown { known: 62, taxels: 63 }), "{refused}");
+    assert_eq!(first(open(counts, &with(without(), Zero::At(200.0))).unwrap()), stored);
+}
+
+/// A channel of counts beside a pressure learns its own rest, and the pressure does not.
+#[test]
+fn channels_beside_each_other_have_rests_of_their_own() {
+    let map = sheet();
+    let mut two = readings(["kPa", "count", "degC"]);
+    two.channels[1] = Channel::new("raw", "count").unwrap();
+    two.rest.is_zero = vec![true, false, false];
+    let recording =
+        Recording::open(&map, ReadingsReader::memory(two).unwrap(), &RecordingOptions::default()).unwrap();
+    let rest = |channel| recording.tracker_options(channel).rest;
+    assert_eq!([0, 1, 2].map(rest), [Rest::AtZero, Rest::Learned, Rest::Learned]);
+    assert!(!recording.is_tared());
+    assert_eq!(recording.known_rest().is_zero, [true, false, false]);
+}
+
+/// Times that stand still measure nothing: it is said, and a rate counts in their place.
+#[test]
+fn times_that_stand_still_are_none() {
+    let map = sheet();
+    let open = |rate_hz: Option<f64>| {
+        let still = Readings {
+            times: vec![7.0; 60],
+            ..loaded(|frame| if frame > 20 { 500.0 } else { 0.0 }, 0.0, 1.0, "Pa")
+        };
+        let options = RecordingOptions { rate_hz, ..RecordingOptions::default() };
+        let mut recording = Recording::open(&map, ReadingsReader::memory(still).unwrap(), &options).unwrap();
+        recording.summarise(&recording.tracker_options(0)).unwrap();
+        let mut times = Vec::new();
+        while let Some(step) = recording.next_step().unwrap() {
+            times.push(step.frame.time);
+        }
+        let totals = recording.summary().unwrap().totals().next().unwrap().1.clone();
+        let said = recording.statements().iter().any(|known| known.value.contains("later than the first"));
+        (times, totals.impulse, totals.contact_time, said)
+    };
+    let (times, impulse, contact_time, said) = open(None);
+    assert_eq!((times[59], impulse, contact_time, said), (7.0, None, None, true));
+    let (times, impulse, contact_time, said) = open(Some(10.0));
+    assert_eq!(times, (0..60).map(|k| f64::from(k) / 10.0).collect::<Vec<_>>());
+    assert!(impulse.unwrap() > 0.0 && contact_time.unwrap() > 3.0 && !said);
+}
+
+/// Patches that share ids have one response where readings come by ids, and are refused where each taxel has readings of its own.
+#[test]
+fn shared_ids_have_one_response() {
+    let mut map = (*sheet()).clone();
+    let mut other = map.patches[patch()].clone();
+    other.name = "other".into();
+    map.patches.push(other);
+    let map = Arc::new(map);
+    let open = |ids: Option<Vec<TaxelId>>| {
+        let width = if ids.is_some() { 63 } else { 126 };
+        let readings = Readings {
+            channels: vec![Channel::new("pressure", "count").unwrap()],
+            values: vec![1.0; 4 * width],
+            ids,
+            width,
+            ..readings(["count"; 3])
+        };
+        let open = |_, _: Option<&Response>| {
+            let reader = ReadingsReader::memory(readings.clone())?;
+            Ok::<_, dermatome::Error>(Recording::open(&map, reader, &RecordingOptions::default())?)
+        };
+        respond(&map, Reference::Touches, 1, open, |_| {}, Run::default()).unwrap_err().to_string()
+    };
+    assert!(open(None).contains("patches share the taxel id"), "{}", open(None));
+    let by_ids = open(Some((1..=63).map(TaxelId).collect()));
+    assert!(!by_ids.contains("share"), "{by_ids}");
 }

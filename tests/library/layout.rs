@@ -494,7 +494,7 @@ fn a_temperature_beside_a_force_stays_what_it_is() {
                 "{zero} {order:?}"
             );
             let rest = decoder.rest(&facts);
-            assert!(rest.is_zero);
+            assert!(rest.is_zero_in(at) && !rest.is_zero_in(1 - at), "{rest:?}");
             // That of the file is of its own numbers.
             assert_eq!(rest.threshold, Some(if zero == json!(10) { 5.0 } else { 15.0 }));
         }
@@ -527,4 +527,93 @@ fn the_zero_of_an_episode_is_its_own() {
     assert_eq!(first(run(&[108.0], 0).unwrap()), [8.0]);
     assert_eq!(first(run(&[200.0, 202.0, 207.0], 1).unwrap()), [-1.0, 1.0, 6.0]);
     assert!(run(&[5.0], 2).unwrap_err().to_string().contains("found 1 frames; needed: the first 2"));
+}
+
+/// Nothing is known of counts at rest, whatever the channel beside them is.
+#[test]
+fn each_channel_has_a_rest_of_its_own() {
+    let channel = |name: &str, unit: &str, component: usize| json!({"name": name, "unit": unit, "component": component});
+    for at in [0, 1] {
+        let channels = json!([channel("pressure", "kPa", at), channel("raw", "count", 1 - at)]);
+        let json = with(&[
+            ("axes", json!(["frame", "taxel", "component"])),
+            ("channels", channels),
+            ("zero", json!("taken")),
+            ("taxels", json!({"shape": [3]})),
+        ]);
+        let facts = facts(&[3, 2]);
+        assert_eq!(decoder(&json, &facts).unwrap().rest(&facts).is_zero, [true, false], "component {at}");
+    }
+}
+
+/// A number that stands for none is one in every type of floats: -999.9 is another number in 32 bits, and -1000 in 16.
+#[test]
+fn missing_numbers_are_those_of_the_type() {
+    let json = with(&[
+        ("missing", json!([-999.9])),
+        ("taxels", json!({"shape": [1, 3]})),
+        ("axes", json!(["frame", "row", "col"])),
+    ]);
+    let mut halves = decoder(&json, &StreamFacts { has_halves: true, ..facts(&[1, 3]) }).unwrap();
+    let mut singles = decoder(&json, &facts(&[1, 3])).unwrap();
+    let of_singles = |decoder: &mut Decoder, raw: &[f32]| {
+        let (mut values, mut seconds) = (Vec::new(), Vec::new());
+        decoder.decode(raw, Times::None, 0, &mut values, &mut seconds).unwrap();
+        values.iter().map(|x: &f32| x.is_nan()).collect::<Vec<_>>()
+    };
+    assert_eq!(of_singles(&mut singles, &[-999.9, -1000.0, 5.0]), [true, false, false]);
+    assert_eq!(of_singles(&mut halves, &[-999.9, -1000.0, 5.0]), [true, true, false]);
+    let (values, _) = decode(&mut singles, &[-999.9, f64::from(-999.9_f32), 5.0], Times::None).unwrap();
+    assert_eq!(values.iter().map(|x| x.is_nan()).collect::<Vec<_>>(), [true, true, false]);
+}
+
+/// A zero beside each frame concerns channels of touch, and a cell whose zero is missing has no reading.
+#[test]
+fn zeros_beside_frames_are_subtracted_frame_by_frame() {
+    let json = with(&[
+        ("axes", json!(["frame", "taxel", "component"])),
+        (
+            "channels",
+            json!([{"name": "a", "unit": "count", "component": 0}, {"name": "temp", "unit": "degC", "component": 1}]),
+        ),
+        ("zero", json!({"stream": "rest"})),
+        ("missing", json!([-1])),
+        ("taxels", json!({"shape": [2]})),
+    ]);
+    let facts = StreamFacts { zero: Some(vec![0.0; 4]), ..facts(&[2, 2]) };
+    let mut decoder = decoder(&json, &facts).unwrap();
+    let (mut values, mut seconds) = (Vec::<f64>::new(), Vec::new());
+    let raw = [12.0, 25.0, 13.0, 26.0, 14.0, 27.0, 15.0, 28.0];
+    let zeros = [10.0, 3.0, 10.0, 3.0, 11.0, 3.0, -1.0, 3.0];
+    decoder.decode_beside(&raw, &zeros, Times::None, 0, &mut values, &mut seconds).unwrap();
+    assert_eq!((&values[..5], &values[6..]), (&[2.0, 3.0, 25.0, 26.0, 3.0][..], &[27.0, 28.0][..]));
+    assert!(values[5].is_nan(), "{values:?}");
+    let error =
+        decoder.decode_beside(&raw, &zeros[..3], Times::None, 0, &mut values, &mut seconds).unwrap_err();
+    assert!(error.to_string().contains("3 numbers in the stream of the zero"), "{error}");
+}
+
+/// The names of components and a zero that is subtracted, which a file states, are compared with the layout.
+#[test]
+fn names_and_a_subtracted_zero_are_compared() {
+    let json = with(&[
+        ("axes", json!(["frame", "taxel", "component"])),
+        ("channels", json!([{"name": "pressure", "unit": "Pa", "component": 0}])),
+        ("taxels", json!({"shape": [2]})),
+    ]);
+    let named = |names: [&str; 2]| StreamFacts { names: names.map(String::from).to_vec(), ..facts(&[2, 2]) };
+    let error = decoder(&json, &named(["temp", "pressure"])).unwrap_err().to_string();
+    assert!(error.contains("found pressure as component 1; needed: component 0"), "{error}");
+    assert!(
+        decoder(&json, &named(["pressure", "temp"])).is_ok() && decoder(&json, &named(["a", "b"])).is_ok()
+    );
+    let tared = StreamFacts { is_tared: true, ..facts(&[2, 3]) };
+    for (zero, fits) in
+        [(json!(0), true), (json!("taken"), true), (json!(7), false), (json!({"first": 2}), false)]
+    {
+        let found = decoder(&with(&[("zero", zero.clone())]), &tared);
+        assert_eq!(found.is_ok(), fits, "{zero}");
+        // Counts, too, whose zero is subtracted.
+        found.into_iter().for_each(|decoder| assert!(decoder.rest(&tared).is_zero_in(0)));
+    }
 }

@@ -10,15 +10,16 @@ use std::sync::{Arc, Mutex};
 use crate::common::{data, npy, npy_ordered};
 use dermatome::id::VertexId;
 use dermatome::io::{
-    IoError, KnownRest, Readings, ReadingsColumns, ReadingsLayout, ReadingsReader, ReadingsWriter,
+    IoError, KnownRest, Layout, ReadOptions, Readings, ReadingsColumns, ReadingsLayout, ReadingsReader,
+    ReadingsWriter,
     read_draft, read_gains,
 };
 use dermatome::map::SkinMap;
 use dermatome::mesh::shapes;
 use dermatome::pipeline::{BuildOptions, build};
 use dermatome::signal::{
-    Channel, ConditionOptions, Conditioner, Duplicates, Frame, Join, Quantity, SignalError, Stage,
-    TouchOptions, TouchSimulation, Zero,
+    Channel, ChannelKind, ConditionOptions, Conditioner, Duplicates, Frame, Join, Quantity, SignalError,
+    Stage, TouchOptions, TouchSimulation, Zero,
 };
 use dermatome::skin::{AssembleOptions, PatchId, Presence, Skin, TaxelId, assemble};
 use proptest::prelude::*;
@@ -408,26 +409,36 @@ fn what_is_known_at_rest_is_read_back() {
     frame.values[PatchId::new(0)][0] = vec![5.0; 4].into();
     for rest in [
         KnownRest::default(),
-        KnownRest { is_zero: true, threshold: None },
-        KnownRest { is_zero: true, threshold: Some(0.25) },
+        KnownRest { is_zero: vec![true], threshold: None },
+        KnownRest { is_zero: vec![true], threshold: Some(0.25) },
     ] {
-        let taxels = skin.patches.iter().map(|p| &p.taxels);
-        let channel = Channel::new("pressure", "Pa").unwrap();
-        let columns = ReadingsColumns { channels: &[channel], has_times: true };
-        let mut writer = ReadingsWriter::create(&path, taxels, columns).unwrap();
-        writer.state_rest(rest).unwrap();
-        writer.write(&frame).unwrap();
-        writer.finish().unwrap();
-        let reader = ReadingsReader::open(&path, ReadingsLayout::default()).unwrap();
-        let stated = reader
-            .statements()
-            .iter()
-            .map(|known| format!("{}: {}", known.what, known.value))
-            .collect::<Vec<_>>();
-        assert_eq!(stated.contains(&"zero: subtracted before".to_owned()), rest.is_zero, "{stated:?}");
-        assert_eq!(stated.contains(&"threshold: 0.25 Pa".to_owned()), rest.threshold.is_some(), "{stated:?}");
-        assert_eq!(reader.rest, rest);
-        assert_eq!(Readings::collect(reader, || ()).unwrap().rest, rest);
+        for path in [&path, &folder.path().join("a.csv")] {
+            let taxels = skin.patches.iter().map(|p| &p.taxels);
+            let channel = Channel::new("pressure", "Pa").unwrap();
+            let columns = ReadingsColumns { channels: &[channel], has_times: true };
+            let mut writer = ReadingsWriter::create(path.as_path(), taxels, columns).unwrap();
+            writer.state_rest(&rest).unwrap();
+            writer.write(&frame).unwrap();
+            writer.finish().unwrap();
+            let reader = ReadingsReader::open(path, ReadingsLayout::default()).unwrap();
+            let stated = reader
+                .statements()
+                .iter()
+                .map(|known| format!("{}: {}", known.what, known.value))
+                .collect::<Vec<_>>();
+            assert_eq!(
+                stated.contains(&"zero: subtracted before".to_owned()),
+                rest.is_zero_in(0),
+                "{stated:?}"
+            );
+            assert_eq!(
+                stated.contains(&"threshold: 0.25 Pa".to_owned()),
+                rest.threshold.is_some(),
+                "{stated:?}"
+            );
+            assert_eq!(reader.rest, rest);
+            assert_eq!(Readings::collect(reader, || ()).unwrap().rest, rest);
+        }
     }
     let with = |name: &'static str, shape: &[usize], number: f64| {
         let values = npy("<f8", &[2, 4], &doubles([1.0; 8]));
@@ -1006,4 +1017,163 @@ fn real_recordings_are_read_and_joined() {
         let mut frame = Frame::new(&map, 1);
         assert!(found.frames.iter().all(|values| join.fill(values, &mut frame) == 0));
     }
+}
+
+/// Reads arrays by a layout of cells of this shape.
+fn laid(arrays: &[(&str, Vec<u8>)], axes: &[&str], changes: serde_json::Value) -> Result<Recorded, IoError> {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("a.npz");
+    fs::write(&path, npz(arrays, false)).unwrap();
+    let mut json = serde_json::json!({"dermatome_layout": 1, "axes": axes, "time": {"rate": 10}, "stream": "data",
+        "channels": [{"name": "pressure", "unit": "kPa"}], "press": "raises", "zero": {"stream": "rest"},
+        "taxels": {"shape": [2]}, "missing": [-1]});
+    for (key, value) in changes.as_object().unwrap() {
+        json[key] = value.clone();
+    }
+    let layout = Layout::parse(Path::new("l.json"), &json.to_string())?;
+    drain(ReadingsReader::open(&path, ReadOptions { layout: Some(layout), ..ReadOptions::default() })?)
+}
+
+/// Zeros of a stream are one for all frames, one beside each frame, one of each episode, or the mean of other rows; numbers that
+/// stand for none are no zero.
+#[test]
+fn zeros_of_a_stream_are_those_of_frames_and_episodes() {
+    let f8 = |shape: &[usize], numbers: &[f64]| npy("<f8", shape, &doubles(numbers.iter().copied()));
+    let frames = f8(&[3, 2], &[11.0, 21.0, 12.0, 22.0, 13.0, 23.0]);
+    let read = |rest: Vec<u8>| {
+        let found =
+            laid(&[("data", frames.clone()), ("rest", rest)], &["frame", "taxel"], serde_json::json!({}));
+        found.unwrap().frames.concat()
+    };
+    let all = [1.0, 1.0, 2.0, 2.0, 3.0, 3.0];
+    assert_eq!(read(f8(&[2], &[10.0, 20.0])), all);
+    assert_eq!(read(f8(&[1, 2], &[10.0, 20.0])), all);
+    let rows = [9.0, 20.0, -1.0, 20.0, 11.0, f64::NAN, 10.0, 20.0];
+    assert_eq!(read(f8(&[4, 2], &rows)), all, "the mean of what is known");
+    assert_eq!(read(f8(&[3, 2], &[10.0, 20.0, 11.0, 20.0, 12.0, 20.0])), [1.0, 1.0, 1.0, 2.0, 1.0, 3.0]);
+    for rest in
+        [f8(&[2], &[10.0, -1.0]), f8(&[4, 2], &[10.0, -1.0].repeat(4)), f8(&[3, 2], &[10.0, -1.0].repeat(3))]
+    {
+        let found = read(rest);
+        assert!(found.iter().enumerate().all(|(k, x)| x.is_nan() == (k % 2 == 1)), "{found:?}");
+    }
+    // Two episodes of three frames, the second 30 higher.
+    let data = [11.0, 21.0, 12.0, 22.0, 13.0, 23.0, 41.0, 51.0, 42.0, 52.0, 43.0, 53.0];
+    let mut beside = [10.0, 20.0].repeat(3);
+    beside.extend([40.0, 50.0].repeat(3));
+    for (axes, shape, data) in [
+        (["episode", "frame", "taxel"], [2, 3, 2], data.to_vec()),
+        // Episodes last: number (frame, taxel, episode).
+        (["frame", "taxel", "episode"], [3, 2, 2], {
+            let at = |e: usize, f: usize, c: usize| data[6 * e + 2 * f + c];
+            (0..12).map(|k| at(k % 2, k / 4, k / 2 % 2)).collect()
+        }),
+    ] {
+        let zeros: Vec<(Vec<usize>, Vec<f64>)> = match axes[0] {
+            "episode" => vec![(vec![2, 2], vec![10.0, 20.0, 40.0, 50.0]), (vec![2, 3, 2], beside.clone())],
+            _ => vec![(vec![2, 2], vec![10.0, 40.0, 20.0, 50.0])],
+        };
+        for (of_zeros, zeros) in zeros {
+            for episode in [None, Some(1)] {
+                let mut changes = serde_json::json!({});
+                episode.into_iter().for_each(|k: u64| changes["episode"] = k.into());
+                let arrays = [("data", f8(&shape, &data)), ("rest", f8(&of_zeros, &zeros))];
+                let found = laid(&arrays, &axes, changes).unwrap().frames.concat();
+                let expected = if episode.is_none() { all.repeat(2) } else { all.to_vec() };
+                assert_eq!(found, expected, "{axes:?} {of_zeros:?} {episode:?}");
+            }
+        }
+    }
+    let error = message(laid(
+        &[("data", frames.clone()), ("rest", f8(&[3], &[1.0; 3]))],
+        &["frame", "taxel"],
+        serde_json::json!({}),
+    ));
+    assert!(error.contains("or rows of them"), "{error}");
+}
+
+/// What an archive states of its readings is compared with a layout, and its threshold is taken; axes that it has not are refused.
+#[test]
+fn archives_are_compared_with_a_layout() {
+    let f8 = |shape: &[usize], numbers: &[f64]| npy("<f8", shape, &doubles(numbers.iter().copied()));
+    let axes = ["frame", "taxel", "component"];
+    let data = || ("data", f8(&[2, 2, 2], &[1.0; 8]));
+    let channels =
+        serde_json::json!({"zero": 0, "channels": [{"name": "pressure", "unit": "Pa", "component": 0}]});
+    let names = npy("<U8", &[2], &unicode(&["temp", "pressure"], 8));
+    let error = message(laid(&[data(), ("channels", names)], &axes, channels.clone()));
+    assert!(error.contains("pressure as component 1"), "{error}");
+    let tared = || ("is_tared", npy("|u1", &[], &[1]));
+    let mut other = channels.clone();
+    other["zero"] = 5.into();
+    assert!(message(laid(&[data(), tared()], &axes, other)).contains("`is_tared` 1"));
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("a.npz");
+    fs::write(&path, npz(&[data(), tared(), ("threshold", f8(&[], &[0.5]))], false)).unwrap();
+    let json = serde_json::json!({"dermatome_layout": 1, "axes": axes, "time": {"rate": 10}, "stream": "data", "press": "raises",
+        "zero": "taken", "taxels": {"shape": [2]}, "channels": channels["channels"].clone()});
+    let layout = Some(Layout::parse(Path::new("l.json"), &json.to_string()).unwrap());
+    let reader = ReadingsReader::open(&path, ReadOptions { layout, ..ReadOptions::default() }).unwrap();
+    assert_eq!(reader.rest, KnownRest { is_zero: vec![true], threshold: Some(0.5) });
+    // Fewer axes than the layout, or none.
+    for shape in [&[3, 36][..], &[36], &[]] {
+        let numbers = vec![1.0; shape.iter().product()];
+        let found = laid(
+            &[("data", f8(shape, &numbers))],
+            &["pad", "row", "col", "frame"],
+            serde_json::json!({"zero": 0}),
+        );
+        assert!(message(found).contains("axes: found"), "{shape:?}");
+    }
+    let path = folder.path().join("one.npy");
+    fs::write(&path, f8(&[], &[3.0])).unwrap();
+    let error = ReadingsReader::draft_layout(&path, None).unwrap_err().to_string();
+    assert!(error.contains("axes: found 0 axes"), "{error}");
+}
+
+/// Dates state their unit, whatever the array is called; and kinds that names and units do not tell are read back.
+#[test]
+fn dates_and_kinds_are_those_that_are_stated() {
+    let values = || ("values", npy("<f8", &[2, 1], &doubles([1.0, 2.0])));
+    let dates = npy("<M8[ms]", &[2], &[5_000_i64, 5_500].map(i64::to_le_bytes).concat());
+    for name in ["timestamps", "time", "time[ms]"] {
+        let found = read("a.npz", &npz(&[values(), (name, dates.clone())], false)).unwrap();
+        assert_eq!(found.times, [5.0, 5.5], "{name}");
+    }
+    let folder = TempDir::new().unwrap();
+    let skin = Skin::from_mesh("square", shapes::square());
+    let channel = |name: &str, kind| Channel { kind, ..Channel::new(name, "count").unwrap() };
+    let channels = [channel("a", ChannelKind::Other), channel("p", ChannelKind::Touch)];
+    let frame = Frame::new(&SkinMap::flat(shapes::square(), 0.1), 2);
+    let create = |name: &str, channels: &[Channel]| {
+        ReadingsWriter::create(
+            folder.path().join(name).as_path(),
+            skin.patches.iter().map(|p| &p.taxels),
+            channels,
+            true,
+        )
+    };
+    let mut writer = create("a.npz", &channels).unwrap();
+    writer.state_rest(&KnownRest { is_zero: vec![false, true], threshold: None }).unwrap();
+    writer.write(&frame).unwrap();
+    writer.finish().unwrap();
+    let reader = ReadingsReader::open(&folder.path().join("a.npz"), ReadingsLayout::default()).unwrap();
+    assert_eq!((&reader.channels[..], &reader.rest.is_zero[..]), (&channels[..], &[false, true][..]));
+    // A table states names alone.
+    let refused = |channels: &[Channel]| create("a.csv", channels).err().unwrap().to_string();
+    assert!(refused(&channels).contains("of the kind other"));
+    assert!(
+        refused(&[channel("p", ChannelKind::Touch), channel("p", ChannelKind::Touch)])
+            .contains("\"p\" twice")
+    );
+    let two = [channel("a", ChannelKind::Touch), channel("p", ChannelKind::Touch)];
+    let mixed =
+        create("a.csv", &two).unwrap().state_rest(&KnownRest { is_zero: vec![false, true], threshold: None });
+    assert!(mixed.unwrap_err().to_string().contains("all channels that measure touches"));
+    let mut writer = create("b.npz", &two).unwrap();
+    writer.state_rest(&KnownRest { is_zero: vec![false, true], threshold: None }).unwrap();
+    writer.write(&frame).unwrap();
+    writer.finish().unwrap();
+    let reader = ReadingsReader::open(&folder.path().join("b.npz"), ReadingsLayout::default()).unwrap();
+    assert_eq!(reader.rest.is_zero, [false, true]);
 }

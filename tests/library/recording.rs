@@ -187,6 +187,8 @@ fn options_that_do_not_fit_the_readings_are_refused() {
     let map = palm();
     let names = |names: &[&str]| names.iter().map(|&name| name.to_owned()).collect::<Vec<_>>();
     let none = RecordingOptions::default;
+    let channels = || ["a", "b"].map(|name| Channel::new(name, "").unwrap()).to_vec();
+    let without_units = || Readings { channels: channels(), ..readings() };
     let split = ConditionOptions { split_hz: Some(1.0), ..ConditionOptions::default() };
     for (options, has_times, expected) in [
         (RecordingOptions { names: names(&["a"]), ..none() }, true, "1 names for 2 channels (a, b)"),
@@ -196,12 +198,14 @@ fn options_that_do_not_fit_the_readings_are_refused() {
         (RecordingOptions { rate_hz: Some(0.0), ..none() }, true, "the rate of frames"),
         (RecordingOptions { condition: split.clone(), ..none() }, false, "need times"),
     ] {
-        let mut readings = readings();
+        let mut readings = without_units();
         readings.times.iter_mut().filter(|_| !has_times).for_each(|time| *time = f64::NAN);
         let found = Recording::open(&map, ReadingsReader::memory(readings).unwrap(), &options).err().unwrap();
         assert!(found.to_string().contains(expected), "{found}");
     }
-    let mut recording = open(&map, &RecordingOptions { units: names(&["N", "K"]), ..none() });
+    let given = RecordingOptions { units: names(&["N", "K"]), ..none() };
+    let mut recording =
+        Recording::open(&map, ReadingsReader::memory(without_units()).unwrap(), &given).unwrap();
     assert_eq!((recording.channel(Some("b")).unwrap(), recording.channels()[1].unit.as_str()), (1, "K"));
     assert!(matches!(recording.channel(Some("heat")), Err(SignalError::NoChannel { .. })));
     assert!(recording.follow_contacts(&recording.tracker_options(2)).is_err());

@@ -4,9 +4,9 @@ use std::process::ExitCode;
 use std::sync::Arc;
 
 use dermatome::Error;
-use dermatome::io::{KnownRest, ReadingsColumns, ReadingsWriter, file_kind};
+use dermatome::io::{ReadingsColumns, ReadingsWriter};
 use dermatome::recording::FrameRange;
-use dermatome::signal::{Carry, Channel, Frame};
+use dermatome::signal::{Carry, Frame};
 use dermatome::skin::Presence;
 use serde_json::json;
 
@@ -60,11 +60,6 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         return Err(advise(what, "carry one at a time: --episode N"));
     }
     let channels = recording.channels().to_vec();
-    let is_lost = |c: &&Channel| Channel::new(&c.name, &c.unit).is_ok_and(|read| read.kind != c.kind);
-    if let Some(channel) = channels.iter().find(is_lost) {
-        let what = format!("channel {} is of a kind that its name and unit do not tell", channel.name);
-        return Err(advise(what, "name it in the layout as what it is, for example temp.NAME for no touch"));
-    }
     remark_join(&recording, &args.readings, common);
     let others = map.patches.iter().flat_map(|patch| patch.taxels.presence.iter());
     let others =
@@ -75,14 +70,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let columns = ReadingsColumns { channels: &channels, has_times: recording.report().has_times };
     let mut writer = ReadingsWriter::create(output, patches, columns).map_err(Error::from)?;
     // A threshold is of the taxels of the skin that was touched.
-    let is_zero = recording.is_tared();
-    writer.state_rest(KnownRest { is_zero, threshold: None }).map_err(Error::from)?;
-    if is_zero && file_kind(&args.output) == "csv" {
-        note!(
-            common,
-            "a table does not say that its readings are about 0 at rest: read it with --zero 0, or write .npz"
-        );
-    }
+    writer.state_rest(&recording.known_rest()).map_err(Error::from)?;
     let mut carried = Frame::new(&to, channels.len());
     let (mut lost, mut all) = (0.0, 0.0);
     let played = Played::each(&mut recording, &args.readings, common, |recording, _| {

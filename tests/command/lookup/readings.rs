@@ -17,7 +17,8 @@ fn frames(fixture: &Fixture, contacts: &str, options: &str) -> (Vec<(f64, f64)>,
         let cells: Vec<f64> = line.split(',').map(|cell| cell.parse().unwrap()).collect();
         (cells[0], cells[1..].iter().sum())
     };
-    (text.lines().skip(1).map(frame).collect(), said)
+    let rows = text.lines().filter(|line| !line.starts_with('#')).skip(1);
+    (rows.map(frame).collect(), said)
 }
 
 /// The forces of contacts become a recording that `render` reads, and none of them is lost.
@@ -32,6 +33,14 @@ fn forces_become_readings() {
         assert!(*time == expected.0 && (sum - expected.1).abs() < 1e-12, "{found:?}");
     }
     common::notes(&fixture.folder, "render map.glb touch.csv -o touch.npz", &[]);
+    // A force of the first frames is no zero.
+    let text = fs::read_to_string(fixture.path("touch.csv")).unwrap();
+    assert!(text.starts_with("# is_tared: 1\n# threshold: 0.000001\ntime,"), "{text}");
+    common::dermatome(fixture.folder.as_ref(), "summary map.glb touch.csv -o sums.csv").assert().success();
+    let sums = fs::read_to_string(fixture.path("sums.csv")).unwrap();
+    let column = sums.lines().next().unwrap().split(',').position(|name| name == "force_peak").unwrap();
+    let peak: f64 = sums.lines().nth(1).unwrap().split(',').nth(column).unwrap().parse().unwrap();
+    assert!((peak - 4.0).abs() < 1e-9, "{sums}");
     fixture.refusal(contacts, "--readings touch.txt");
     fixture.refusal(contacts, "--readings in.csv");
 }

@@ -10,14 +10,13 @@ use std::{
 
 use dermatome::{
     io::{Block, IoError, KnownRest, ReadOptions, Readings, ReadingsReader, Statement, StatementSource},
-    signal::Channel,
     skin::TaxelId,
 };
 use dermatome_command::{Containers, DraftContainer, OpenContainer};
 use numpy::{PyReadonlyArray1, PyReadonlyArray3};
 use pyo3::{exceptions::PyStopIteration, prelude::*};
 
-use crate::{errors::error, layout::PyLayout};
+use crate::{layout::PyLayout, readings::channels_of};
 
 /// Run the command.
 ///
@@ -30,7 +29,7 @@ use crate::{errors::error, layout::PyLayout};
 /// open : callable, optional
 ///     `open(path, stream, layout, episode)` opens a recording that the library does not read: the number of frames of each
 ///     episode, and an iterator of blocks; None if it is none. A block is episode, ids, channels, units, times, values,
-///     whether readings are about 0 at rest, threshold and statements.
+///     of each channel whether readings are about 0 at rest, threshold, statements, and the kinds of the channels or None.
 /// draft : callable, optional
 ///     `draft(path, stream)` is the text of a layout of such a recording; None if it is none.
 ///
@@ -124,7 +123,7 @@ type Said = Vec<(String, String, String)>;
 fn block(made: &Bound<'_, PyAny>) -> PyResult<Block> {
     let item = |k: usize| made.get_item(k);
     let (names, units): (Vec<String>, Vec<String>) = (item(2)?.extract()?, item(3)?.extract()?);
-    let channels = names.iter().zip(&units).map(|(name, unit)| Channel::new(name, unit).map_err(error));
+    let kinds: Option<Vec<String>> = item(9)?.extract()?;
     let ids: PyReadonlyArray1<'_, u32> = item(1)?.extract()?;
     let times: PyReadonlyArray1<'_, f64> = item(4)?.extract()?;
     let values: PyReadonlyArray3<'_, f64> = item(5)?.extract()?;
@@ -141,7 +140,7 @@ fn block(made: &Bound<'_, PyAny>) -> PyResult<Block> {
         readings: Readings {
             width: ids.as_array().len(),
             ids: Some(ids.as_array().iter().map(|&id| TaxelId(id)).collect()),
-            channels: channels.collect::<PyResult<_>>()?,
+            channels: channels_of(&names, &units, kinds.as_deref())?,
             times: times.as_array().to_vec(),
             values: values.as_slice()?.to_vec(),
             rest: KnownRest { is_zero: item(6)?.extract()?, threshold: item(7)?.extract()? },

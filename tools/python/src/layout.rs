@@ -21,6 +21,7 @@ use crate::{
         Reals, Reduced, any_array, bad_shape, floats, integers, one_number_each, reals, shaped, vector,
     },
     errors::{bad, error},
+    readings::kinds_of,
 };
 
 /// What the numbers of a recording mean, where its file does not state it: axes, time, channels with unit and sign, zero,
@@ -420,6 +421,9 @@ impl PyDecoder {
     ///     When each was taken, in the unit of the layout: whole numbers, floats or `datetime64`.
     /// episode : int
     ///     The number of the episode of all these frames; in a later one times may begin again.
+    /// zero : array_like, optional
+    ///     The numbers at rest, if `zero_stream` is not None: of the shape of a frame, or one beside each frame; NaN, and numbers that
+    ///     stand for none, where a cell has none. By default that of `Layout.decoder`.
     ///
     /// Returns
     /// -------
@@ -432,19 +436,23 @@ impl PyDecoder {
     /// ------
     /// DataError
     ///     If the shape or the number of times is another, or times go back.
-    #[pyo3(signature = (raw, times=None, episode=0))]
+    #[pyo3(signature = (raw, times=None, episode=0, zero=None))]
     fn decode<'py>(
         &self,
         py: Python<'py>,
         raw: &Bound<'py, PyAny>,
         times: Option<&Bound<'py, PyAny>>,
         #[pyo3(from_py_with = arg)] episode: u64,
+        zero: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyArray1<f64>>)> {
         let times = self.times(times, episode)?;
         let raw = any_array("raw", raw, "an array of real numbers")?;
         let dtype = raw.getattr("dtype")?;
         let (kind, size): (String, usize) =
             (dtype.getattr("kind")?.extract()?, dtype.getattr("itemsize")?.extract()?);
+        if kind == "f" && size == 2 {
+            self.with(Decoder::take_halves);
+        }
         // Numbers of 16 bits are exact in 32.
         let is_single = size <= 2 && "biuf".contains(&kind) || size == 4 && kind == "f";
         let raw = if is_single { raw.call_method1("astype", ("f4",))? } else { raw };
@@ -459,6 +467,15 @@ impl PyDecoder {
                 format!("shape (T, ...) with frames of {:?}", self.cells),
             ));
         }
+        let zeros = zero.map(|zero| floats("zero", zero)).transpose()?;
+        if let Some(zeros) = &zeros
+            && *zeros.shape() != *self.cells
+            && zeros.shape() != raw.shape()
+        {
+            let needed = format!("shape {:?} of a frame, or {:?}", self.cells, raw.shape());
+            return Err(bad_shape("zero", zeros.shape(), needed));
+        }
+        let zeros = zeros.as_ref().map_or(Ok(&[][..]), |zeros| zeros.as_slice())?;
         let mut seconds = Vec::with_capacity(frames);
         let times = match &times {
             FileTimes::None => Times::None,
@@ -469,13 +486,15 @@ impl PyDecoder {
         let values = match &raw {
             Reals::Single(raw) => {
                 let (raw, mut values) = (raw.as_slice()?, Vec::new());
-                let decode = || self.with(|d| d.decode(raw, times, episode, &mut values, &mut seconds));
+                let decode =
+                    || self.with(|d| d.decode_beside(raw, zeros, times, episode, &mut values, &mut seconds));
                 py.detach(decode).map_err(error)?;
                 shaped(py, shape, values)?.into_any()
             }
             Reals::Double(raw) => {
                 let (raw, mut values) = (raw.as_slice()?, Vec::new());
-                let decode = || self.with(|d| d.decode(raw, times, episode, &mut values, &mut seconds));
+                let decode =
+                    || self.with(|d| d.decode_beside(raw, zeros, times, episode, &mut values, &mut seconds));
                 py.detach(decode).map_err(error)?;
                 shaped(py, shape, values)?.into_any()
             }
@@ -507,10 +526,16 @@ impl PyDecoder {
         self.with(|decoder| decoder.frames_to_learn())
     }
 
-    /// tuple of bool and float or None: Whether readings are about 0 where nothing touches, and the threshold that is stated, in their
-    /// unit.
+    /// tuple of str or None: What each channel measures, "touch", "tangential" or "other"; None: as names and units tell.
     #[getter]
-    fn rest(&self) -> (bool, Option<f64>) {
+    fn kinds<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyTuple>>> {
+        self.with(|decoder| kinds_of(decoder.channels())).map(|kinds| PyTuple::new(py, kinds)).transpose()
+    }
+
+    /// tuple of list of bool and float or None: Of each channel whether readings are about 0 where nothing touches, and the threshold
+    /// that is stated, in their unit.
+    #[getter]
+    fn rest(&self) -> (Vec<bool>, Option<f64>) {
         let rest = self.with(|decoder| decoder.rest(&StreamFacts::default()));
         (rest.is_zero, rest.threshold)
     }

@@ -58,8 +58,8 @@ mod _dermatome {
         observations::PyObservations,
         plot::{PyPicture, colours},
         readings::{
-            as_floats, as_numbers, condition_readings, is_extensive, is_of_touch, join_readings,
-            main_channel, read_readings, simulate_touch, summarise_readings,
+            as_floats, as_numbers, condition_readings, is_extensive, is_of_touch, is_same_unit,
+            join_readings, main_channel, read_readings, simulate_touch, summarise_readings,
         },
         recording_file::PyRecordingFile,
         renderer::PyRenderer,

@@ -3,11 +3,14 @@
 use std::{collections::HashSet, path::PathBuf, sync::Arc};
 
 use dermatome::{
-    io::{KnownRest, Readings, ReadingsLayout, ReadingsReader, SummaryCell, summary_rows, summary_step_rows},
+    io::{
+        KnownRest, Readings, ReadingsLayout, ReadingsReader, StatementSource, SummaryCell, summary_rows,
+        summary_step_rows,
+    },
     recording::{Fill, Recording, RecordingOptions, in_order},
     signal::{
         Channel, ConditionOptions, Quantity, Response, Summary, Touch, TouchOptions, TouchSimulation,
-        TrackerOptions, Zero,
+        TrackerOptions, Zero, unit_ratio,
     },
     skin::{Presence, TaxelId},
 };
@@ -39,12 +42,43 @@ fn arrays(py: Python<'_>, readings: Readings) -> PyResult<Bound<'_, PyDict>> {
     for (key, of) in [("channels", (|c| &c.name) as fn(&Channel) -> &String), ("units", |c| &c.unit)] {
         arrays.set_item(key, channels.iter().map(of).collect::<Vec<_>>())?;
     }
-    arrays.set_item("rest", (rest.is_zero, rest.threshold))?;
+    arrays.set_item("kinds", kinds_of(&channels))?;
+    arrays.set_item("rest", (rest_of(&rest, &channels), rest.threshold))?;
     Ok(arrays)
 }
 
+/// The kinds of channels, where names and units do not tell them.
+pub(crate) fn kinds_of(channels: &[Channel]) -> Option<Vec<String>> {
+    let is_told = channels.iter().all(Channel::is_usual);
+    (!is_told).then(|| channels.iter().map(|channel| channel.kind.to_string()).collect())
+}
+
+/// Of each channel whether readings are about 0.
+pub(crate) fn rest_of(rest: &KnownRest, channels: &[Channel]) -> Vec<bool> {
+    (0..channels.len()).map(|channel| rest.is_zero_in(channel)).collect()
+}
+
+/// Channels of these names and units, and kinds, where these are stated.
+pub(crate) fn channels_of(
+    names: &[String],
+    units: &[String],
+    kinds: Option<&[String]>,
+) -> PyResult<Vec<Channel>> {
+    if let Some(kinds) = kinds.filter(|kinds| kinds.len() != names.len()) {
+        return Err(bad("kinds", kinds.len(), format!("{}, one for each channel", names.len())));
+    }
+    let one = |(k, (name, unit)): (usize, (&String, &String))| {
+        let channel = Channel::new(name, unit).map_err(error)?;
+        let Some(kind) = kinds.map(|kinds| &kinds[k]) else { return Ok(channel) };
+        let needed = "touch, tangential or other";
+        Ok(Channel { kind: kind.parse().map_err(|_| bad("kinds", format!("{kind:?}"), needed))?, ..channel })
+    };
+    names.iter().zip(units).enumerate().map(one).collect()
+}
+
 /// The arrays of a recording: `values` (T, C, n), `ids` (n,) or None, `timestamps` (T,) in s, `channels`, `units`; and
-/// `rest`, whether readings are about 0 where nothing touches, and the threshold that is stated.
+/// `kinds` of the channels, None where names and units tell them; `rest`, of each channel whether readings are about 0 where nothing
+/// touches, and the threshold that is stated.
 #[pyfunction]
 #[pyo3(signature = (path, layout="tnc"))]
 pub(crate) fn read_readings<'py>(
@@ -73,7 +107,7 @@ pub(crate) fn join_readings<'py>(
     let &[frames, count, width] = values.shape() else {
         return Err(bad_shape("values", values.shape(), "shape (T, C, n)"));
     };
-    let channels = channels_of(&names, &units)?;
+    let channels = channels_of(&names, &units, None)?;
     if channels.len() != count {
         return Err(bad_shape("values", values.shape(), format!("shape (T, {}, n)", channels.len())));
     }
@@ -85,18 +119,21 @@ pub(crate) fn join_readings<'py>(
     Ok((shaped(py, [frames, count, taxels], joined)?.into_any(), report.remarks()))
 }
 
-/// The arrays of a recording on the taxels of a map: values (T, C, N), timestamps, names of channels, units.
-pub(crate) type RecordingArrays<'a, 'py> =
-    (&'a Bound<'py, PyAny>, &'a Bound<'py, PyAny>, Vec<String>, Vec<String>);
-
-/// Channels of these names and units.
-fn channels_of(names: &[String], units: &[String]) -> PyResult<Vec<Channel>> {
-    names.iter().zip(units).map(|(name, unit)| Channel::new(name, unit).map_err(error)).collect()
-}
+/// The arrays of a recording: values (T, C, N), timestamps, names, units and kinds of channels, and the ids of the columns;
+/// None: all taxels of a map, in their order.
+pub(crate) type RecordingArrays<'py> = (
+    Bound<'py, PyAny>,
+    Bound<'py, PyAny>,
+    Vec<String>,
+    Vec<String>,
+    Option<Vec<String>>,
+    Option<Bound<'py, PyAny>>,
+);
 
 pub(crate) fn readings_of(
-    (values, timestamps, channels, units): RecordingArrays<'_, '_>,
+    (values, timestamps, channels, units, kinds, ids): RecordingArrays<'_>,
 ) -> PyResult<Readings> {
+    let (values, timestamps) = (&values, &timestamps);
     let values = floats("values", values)?;
     let needed = [timestamps.len()?, channels.len(), units.len()];
     let &[frames, of_channels, width] = values.shape() else {
@@ -106,9 +143,10 @@ pub(crate) fn readings_of(
         let [frames, channels, _] = needed;
         return Err(bad_shape("values", values.shape(), format!("shape ({frames}, {channels}, N)")));
     }
+    let ids = ids.map(|ids| one_number_each("ids", &ids, width)).transpose()?;
     Ok(Readings {
-        ids: None,
-        channels: channels_of(&channels, &units)?,
+        ids: ids.map(|ids| ids.into_iter().map(TaxelId).collect()),
+        channels: channels_of(&channels, &units, kinds.as_deref())?,
         width,
         times: one_each("timestamps", timestamps, frames)?,
         values: values.as_slice()?.to_vec(),
@@ -118,9 +156,10 @@ pub(crate) fn readings_of(
 
 /// Readings (T, C, N) of the taxels of a map, made comparable: the arrays of a recording with values (T, C, N);
 /// `measured`, which of these are readings and not filled; and `remarks`. `ids` are those of the columns that the readings
-/// had before they were joined to the map: other taxels have none, which is no remark.
+/// had before they were joined to the map: other taxels have none, which is no remark. `tared` says which channels are about 0 where
+/// nothing touches.
 #[pyfunction]
-#[pyo3(signature = (map, values, ids, timestamps, channels, units, *, baseline=0, zero=None, gains=Vec::new(),
+#[pyo3(signature = (map, values, ids, timestamps, channels, units, *, kinds=None, tared=Vec::new(), baseline=0, zero=None, gains=Vec::new(),
     response=None, clip=None, split_hz=None, fill="none"))]
 #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
 pub(crate) fn condition_readings<'py>(
@@ -131,6 +170,8 @@ pub(crate) fn condition_readings<'py>(
     timestamps: &Bound<'py, PyAny>,
     #[pyo3(from_py_with = arg)] channels: Vec<String>,
     #[pyo3(from_py_with = arg)] units: Vec<String>,
+    #[pyo3(from_py_with = arg)] kinds: Option<Vec<String>>,
+    tared: Vec<bool>,
     #[pyo3(from_py_with = arg)] baseline: i64,
     #[pyo3(from_py_with = arg)] zero: Option<&str>,
     gains: Vec<(u32, f64)>,
@@ -140,7 +181,8 @@ pub(crate) fn condition_readings<'py>(
     #[pyo3(from_py_with = arg)] fill: &str,
 ) -> PyResult<Bound<'py, PyDict>> {
     let fill = word("fill", fill, &[("none", Fill::None), ("neighbours", Fill::Neighbours)])?;
-    let readings = readings_of((values, timestamps, channels, units))?;
+    let mut readings = readings_of((values.clone(), timestamps.clone(), channels, units, kinds, None))?;
+    readings.rest.is_zero = tared;
     let ids = ids.map(|ids| one_number_each("ids", ids, ids.len()?)).transpose()?;
     let gains = gains.into_iter().map(|(id, gain)| (TaxelId(id), gain)).collect();
     let zero = match zero {
@@ -185,7 +227,13 @@ pub(crate) fn condition_readings<'py>(
             report.join.masked += without_column;
             report.missing = report.missing.saturating_sub(without_column * report.channels * report.read);
         }
-        Ok((out, measured, report.remarks(zero)))
+        out.rest = recording.known_rest();
+        let checked =
+            recording.statements().into_iter().filter(|known| known.source == StatementSource::Checked);
+        let mut remarks: Vec<String> =
+            checked.map(|known| format!("{}: {}", known.what, known.value)).collect();
+        remarks.extend(report.remarks(zero));
+        Ok((out, measured, remarks))
     })?;
     let (readings, measured, remarks) = made.map_err(error)?;
     let measured = shaped(py, [readings.times.len(), readings.channels.len(), readings.width], measured)?;
@@ -205,7 +253,7 @@ enum Rows {
 /// The sums of readings (T, N) of one channel in the order of a map: a dict for each group, or with `by="step"` for each loading of a
 /// patch or a region; the threshold, and the number of gaps. Without a threshold it is estimated from the first frames, whose mean is subtracted.
 #[pyfunction]
-#[pyo3(signature = (map, values, timestamps, channel, unit, *, threshold=None, is_tared=false, stated=None, probe="any", level=None,
+#[pyo3(signature = (map, values, timestamps, channel, unit, *, kind=None, threshold=None, is_tared=false, stated=None, probe="any", level=None,
     by="group"))]
 #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
 pub(crate) fn summarise_readings<'py>(
@@ -215,6 +263,7 @@ pub(crate) fn summarise_readings<'py>(
     timestamps: &Bound<'py, PyAny>,
     #[pyo3(from_py_with = arg)] channel: &str,
     #[pyo3(from_py_with = arg)] unit: &str,
+    #[pyo3(from_py_with = arg)] kind: Option<String>,
     #[pyo3(from_py_with = arg)] threshold: Option<f64>,
     #[pyo3(from_py_with = arg)] is_tared: bool,
     #[pyo3(from_py_with = arg)] stated: Option<f64>,
@@ -228,11 +277,11 @@ pub(crate) fn summarise_readings<'py>(
     };
     let readings = Readings {
         ids: None,
-        channels: vec![Channel::new(channel, unit).map_err(error)?],
+        channels: channels_of(&[channel.into()], &[unit.into()], kind.map(|kind| vec![kind]).as_deref())?,
         width,
         times: one_each("timestamps", timestamps, frames)?,
         values: values.as_slice()?.to_vec(),
-        rest: KnownRest { is_zero: is_tared, threshold: stated },
+        rest: KnownRest { is_zero: vec![is_tared], threshold: stated },
     };
     let probe = self::probe(probe)?;
     let by = word("by", by, &[("group", Rows::Groups), ("step", Rows::Steps)])?;
@@ -282,13 +331,14 @@ pub(crate) fn summarise_readings<'py>(
 
 /// The number of the channel that is meant where none is named.
 #[pyfunction]
+#[pyo3(signature = (channels, units, kinds=None))]
 pub(crate) fn main_channel(
     #[pyo3(from_py_with = arg)] channels: Vec<String>,
     #[pyo3(from_py_with = arg)] units: Vec<String>,
+    #[pyo3(from_py_with = arg)] kinds: Option<Vec<String>>,
 ) -> PyResult<usize> {
-    let kind = |(name, unit): (&String, &String)| Ok(Channel::new(name, unit).map_err(error)?.kind);
-    let kinds: Vec<_> = channels.iter().zip(&units).map(kind).collect::<PyResult<_>>()?;
-    Ok(dermatome::signal::main_channel(kinds.into_iter()))
+    let channels = channels_of(&channels, &units, kinds.as_deref())?;
+    Ok(dermatome::signal::main_channel(channels.iter().map(|channel| channel.kind)))
 }
 
 /// Whether a channel of this name and unit is an amount, as a force, and not an average.
@@ -302,11 +352,24 @@ pub(crate) fn is_extensive(
 
 /// Whether a channel of this name and unit measures touches, so that zeros and gains concern it.
 #[pyfunction]
+#[pyo3(signature = (name, unit, kind=None))]
 pub(crate) fn is_of_touch(
     #[pyo3(from_py_with = arg)] name: &str,
     #[pyo3(from_py_with = arg)] unit: &str,
+    #[pyo3(from_py_with = arg)] kind: Option<String>,
 ) -> PyResult<bool> {
-    Ok(Channel::new(name, unit).map_err(error)?.kind.is_of_touch())
+    let kinds = kind.map(|kind| vec![kind]);
+    let channels = channels_of(&[name.into()], &[unit.into()], kinds.as_deref())?;
+    Ok(channels.iter().all(|channel| channel.kind.is_of_touch()))
+}
+
+/// What readings have by two statements of their units, which must be the same.
+#[pyfunction]
+pub(crate) fn is_same_unit(
+    #[pyo3(from_py_with = arg)] unit: &str,
+    #[pyo3(from_py_with = arg)] other: &str,
+) -> bool {
+    unit_ratio(unit, other) == Some(1.0)
 }
 
 /// An argument as an array of real numbers, or an error that names it.

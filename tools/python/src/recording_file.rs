@@ -18,6 +18,7 @@ use crate::{
     errors::{bad, error},
     layout::PyLayout,
     options::count,
+    readings::{kinds_of, rest_of},
 };
 
 /// A recording of text or numpy that is read some frames at a time.
@@ -189,11 +190,17 @@ impl PyRecordingFile {
         Ok(streams)
     }
 
-    /// tuple of bool and float or None: Whether readings are about 0 where nothing touches, and the threshold that is stated, in their
-    /// unit.
+    /// tuple of str or None: What each channel measures, "touch", "tangential" or "other"; None: as names and units tell.
     #[getter]
-    fn rest(&self) -> (bool, Option<f64>) {
-        self.with(|reader| (reader.rest.is_zero, reader.rest.threshold))
+    fn kinds<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyTuple>>> {
+        self.with(|reader| kinds_of(&reader.channels)).map(|kinds| PyTuple::new(py, kinds)).transpose()
+    }
+
+    /// tuple of list of bool and float or None: Of each channel whether readings are about 0 where nothing touches, and the threshold
+    /// that is stated, in their unit.
+    #[getter]
+    fn rest(&self) -> (Vec<bool>, Option<f64>) {
+        self.with(|reader| (rest_of(&reader.rest, &reader.channels), reader.rest.threshold))
     }
 
     /// dict: What the file states of the stream: unit, rate in Hz, sensor, pitch and what else it has.

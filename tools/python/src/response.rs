@@ -193,12 +193,7 @@ fn opened(
 }
 
 fn all_readings(recordings: Vec<Bound<'_, PyAny>>) -> PyResult<Vec<Readings>> {
-    let one = |recording: Bound<'_, PyAny>| {
-        let (values, timestamps, channels, units) =
-            recording.extract::<(Bound<'_, PyAny>, Bound<'_, PyAny>, Vec<String>, Vec<String>)>()?;
-        let arrays: RecordingArrays<'_, '_> = (&values, &timestamps, channels, units);
-        readings_of(arrays)
-    };
+    let one = |recording: Bound<'_, PyAny>| readings_of(recording.extract::<RecordingArrays<'_>>()?);
     recordings.into_iter().map(one).collect()
 }
 

@@ -12,6 +12,9 @@ use crate::lookup::contacts::Contact;
 use crate::lookup::refusals::unanswered;
 use crate::options::Common;
 
+/// The force above which a taxel is loaded: above all rounding of a share, and far below any touch.
+const LEAST_FORCE_N: f64 = 1e-6;
+
 /// A recording of forces, in N: contacts of one time in a row are a frame.
 pub(super) struct Readings {
     writer: ReadingsWriter,
@@ -54,8 +57,9 @@ impl Readings {
         };
         let columns = ReadingsColumns { channels: std::slice::from_ref(&channel), has_times: true };
         let mut writer = ReadingsWriter::create(path, taxels, columns)?;
-        // A taxel without a contact has the force 0.
-        writer.state_rest(KnownRest { is_zero: true, threshold: None })?;
+        // A taxel without a contact has the force 0, without noise.
+        let rest = KnownRest::tared(std::slice::from_ref(&channel));
+        writer.state_rest(&KnownRest { threshold: Some(LEAST_FORCE_N), ..rest })?;
         Ok(Self { writer, spreader, frame: None, counts: Counts::default() })
     }
 

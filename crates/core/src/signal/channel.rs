@@ -33,7 +33,8 @@ impl Channel {
     ///
     /// Its kind follows from its unit, whatever the prefix, and its name: without a unit, or in one that touches are
     /// measured in, it is of touch, but for names that begin with `temp`, `therm`, `heat` or `acc`; of these channels
-    /// `shear` and those whose name ends in `.x`, `.y`, `.T` or `.B` are tangential.
+    /// `shear` and those whose name ends in `.x`, `.y`, `.T` or `.B` are tangential. Of names with several dots, as `tip.force.x`,
+    /// the part before the direction counts as the first one does.
     ///
     /// # Errors
     /// [`SignalError::Unit`] if the unit is not known, or is `C` in a channel that is not called `charge`: it may be
@@ -41,6 +42,15 @@ impl Channel {
     pub fn new(name: &str, unit: &str) -> Result<Self, SignalError> {
         let lower = name.to_ascii_lowercase();
         let first = lower.split('.').next().unwrap_or_default();
+        let direction = name.rsplit_once('.').map_or("", |(_, last)| last);
+        // What has the direction: the `force` of `tip.force.x`.
+        let base = match lower.rsplit_once('.') {
+            Some((before, _)) if ["x", "y", "z", "N", "T", "B"].contains(&direction) => {
+                before.rsplit_once('.').map_or(before, |(_, base)| base)
+            }
+            _ => first,
+        };
+        let is_called = |names: &[&str]| names.contains(&first) || names.contains(&base);
         let refused = || SignalError::Unit {
             channel: name.into(),
             unit: unit.into(),
@@ -48,22 +58,20 @@ impl Channel {
         };
         let is_temperature = first.starts_with("temp") || first == "thermal";
         let (unit, quantity, kind) = match unit {
-            "" if ["force", "charge"].contains(&first) => {
-                (String::new(), Quantity::Extensive, ChannelKind::Touch)
-            }
+            "" if is_called(&["force", "charge"]) => (String::new(), Quantity::Extensive, ChannelKind::Touch),
             "" => (String::new(), Quantity::Intensive, ChannelKind::Touch),
             "C" if is_temperature => (unit.to_owned(), Quantity::Intensive, ChannelKind::Other),
-            "C" if first != "charge" => return Err(refused()),
+            "C" if !is_called(&["charge"]) => return Err(refused()),
             _ => {
                 let Unit { name, quantity, kind, .. } = parse_unit(unit).ok_or_else(refused)?;
                 (name, quantity, kind)
             }
         };
-        let is_other = HEAT.iter().chain(&["acc"]).any(|other| lower.starts_with(other));
-        let direction = name.split_once('.').map_or("", |(_, last)| last);
+        let is_other = |part: &str| HEAT.iter().chain(&["acc"]).any(|other| part.starts_with(other));
+        let is_other = is_other(&lower) || is_other(base);
         let kind = match kind {
             ChannelKind::Touch if is_other => ChannelKind::Other,
-            ChannelKind::Touch if first == "shear" || ["x", "y", "T", "B"].contains(&direction) => {
+            ChannelKind::Touch if is_called(&["shear"]) || ["x", "y", "T", "B"].contains(&direction) => {
                 ChannelKind::Tangential
             }
             kind => kind,
@@ -74,6 +82,11 @@ impl Channel {
             _ => name,
         };
         Ok(Self { name: name.into(), unit, quantity, kind })
+    }
+
+    /// Whether its kind is the one that its name and unit tell, so that these are enough to state it.
+    pub fn is_usual(&self) -> bool {
+        Self::new(&self.name, &self.unit).is_ok_and(|usual| usual.kind == self.kind)
     }
 
     /// Which modality besides touch of a map its readings are of: the one that its name begins with, up to a dot, else the
@@ -171,6 +184,7 @@ mod tests {
             ("load", "mN", sum, Some(1e-3)),
             ("load", "kgf", sum, Some(9.80665)),
             ("force", "", sum, None),
+            ("tip.force.x", "", sum, None),
             ("charge", "pC", sum, None),
             ("charge", "C", sum, None),
             ("force", "count", mean, None),
@@ -217,6 +231,10 @@ mod tests {
             ("cap.z", [Touch, Other]),
             ("shear", [Tangential, Other]),
             ("force.x", [Tangential, Other]),
+            ("tip.force.x", [Tangential, Other]),
+            ("tip.force.z", [Touch, Other]),
+            ("tip.shear.z", [Tangential, Other]),
+            ("tip.acc.x", [Other; 2]),
             ("temp", [Other; 2]),
             ("acc.x", [Other; 2]),
         ] {

@@ -41,6 +41,21 @@ pub enum SignalError {
         "recording {number} is in {found:?}, and the first in {first:?}; recordings of one sensor are needed"
     )]
     Units { number: usize, found: String, first: String },
+    #[error(
+        "channel {channel:?} is in {stated:?} as the readings state, and in {given:?} as is given; one unit is needed: the other \
+         is left out, or the file corrected"
+    )]
+    UnitTwice { channel: String, stated: String, given: String },
+    #[error(
+        "the response has gains and the zero of {known} of {taxels} taxels of the map, and the readings are not about 0 where \
+         nothing touches; a zero is needed, of each taxel in the response or of all readings"
+    )]
+    ZerosUnknown { known: usize, taxels: usize },
+    #[error(
+        "patches share the taxel id {taxel}, and the readings without ids have a column for each of its taxels; a response names \
+         taxels by their ids: ids of their own are needed"
+    )]
+    SharedIds { taxel: TaxelId },
     #[error("two channels are called {name:?}; names must differ")]
     ChannelTwice { name: String },
     #[error("the readings have no channel {name:?}; they have {}", list(known))]

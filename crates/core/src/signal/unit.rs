@@ -39,7 +39,7 @@ impl Quantity {
 }
 
 /// What a channel measures.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, strum::EnumString)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, strum::Display, strum::EnumString)]
 #[strum(serialize_all = "lowercase")]
 pub enum ChannelKind {
     /// Touches: a force, pressure or charge, or what a sensor of them reads, as counts, V, F or Ohm. Readings are near a

@@ -28,7 +28,7 @@ use crate::Error;
 use crate::atlas::Atlas;
 use crate::body::FieldLevel;
 use crate::image::{Renderer, TactileImage};
-use crate::io::{ReadingsReader, Statement};
+use crate::io::{KnownRest, ReadingsReader, Statement};
 use crate::map::SkinMap;
 use crate::pyramid::LevelId;
 use crate::recording::intake::Intake;
@@ -271,10 +271,20 @@ impl Recording {
         TrackerOptions { channel, noise_frames, rest, threshold, ..defaults }
     }
 
-    /// Whether readings of channels that measure touches are about 0 where nothing touches: the zero of a pressure or force is
+    /// Whether readings of all channels that measure touches are about 0 where nothing touches: the zero of a pressure or force is
     /// stated, or one is subtracted.
     pub fn is_tared(&self) -> bool {
         self.intake.is_tared()
+    }
+
+    /// What is known of the readings of each channel where nothing touches, but a threshold.
+    pub fn known_rest(&self) -> KnownRest {
+        self.intake.known_rest()
+    }
+
+    /// Whether the columns of the readings have ids; else they are all taxels in the order of the map.
+    pub(crate) fn has_ids(&self) -> bool {
+        self.intake.has_ids()
     }
 
     /// Finds what touches the skin, and follows it from frame to frame. Where the threshold is estimated, the first

@@ -1,5 +1,6 @@
 //! How readings become pressures, as recordings show: passes them to the estimators of [`response`](crate::response).
 
+use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 
 use crate::Error;
@@ -10,6 +11,7 @@ use crate::response::{
 };
 use crate::run::Run;
 use crate::signal::{ChannelKind, Frame, Response, Scale, SignalError, TaxelResponse, TaxelState};
+use crate::skin::TaxelId;
 
 /// What readings are compared with.
 #[derive(Debug, Clone, Copy)]
@@ -71,11 +73,17 @@ pub fn respond<E: From<Error>>(
     let mut channel = None::<String>;
     // The channel that counts, of frames with several.
     let mut one = Frame::new(map, 1);
+    let shared = shared_id(map);
     // Passes all frames on, and what ends. Returns how many episodes there were.
     let mut each = |response: Option<&Response>, see: &mut dyn FnMut(Next<'_>)| -> Result<u64, E> {
         let mut episodes = 0;
         for number in 0..recordings {
             let mut recording = open(number, response)?;
+            if let Some(taxel) = shared.filter(|_| !recording.has_ids()) {
+                return Err(Error::from(SignalError::SharedIds { taxel })
+                    .in_recording(number, recordings)
+                    .into());
+            }
             let channels = recording.channels();
             let Some(main) = channels.iter().position(|channel| channel.kind == ChannelKind::Touch) else {
                 let known = channels.iter().map(|channel| channel.name.clone()).collect();
@@ -166,8 +174,14 @@ pub fn respond<E: From<Error>>(
     }
 }
 
+/// The first taxel id that several taxels of a map have.
+fn shared_id(map: &SkinMap) -> Option<TaxelId> {
+    let mut seen = HashSet::new();
+    map.patches.iter().flat_map(|patch| patch.taxels.ids.iter().copied()).find(|id| !seen.insert(*id))
+}
+
 /// A response of gains, exponents and sigmas in the order of the taxels; NaN is not known. Each has the state that it is in
-/// if its gain is not known.
+/// if its gain is not known. Taxels of one id, which have the same readings, have the mean of what is known of each.
 fn made(
     map: &SkinMap,
     unit: Option<String>,
@@ -176,23 +190,31 @@ fn made(
     known: impl Iterator<Item = ([f64; 3], TaxelState)>,
 ) -> Response {
     let ids = map.patches.iter().flat_map(|patch| patch.taxels.ids.iter());
-    let some = |x: f64| Some(x).filter(|x| x.is_finite());
-    let mut seen = std::collections::HashSet::new();
     let zeros = zeros.iter().copied().chain(std::iter::repeat(f64::NAN));
-    let taxels = ids.zip(known).zip(zeros).filter(|((id, _), _)| seen.insert(**id)).map(
-        |((&id, ([gain, exponent, sigma], state)), zero)| TaxelResponse {
-            zero: some(zero),
-            gain: some(gain),
-            exponent: some(exponent),
-            sigma: some(sigma),
-            state: if gain.is_nan() { state } else { TaxelState::Ok },
-            ..TaxelResponse::unknown(id)
-        },
-    );
+    // Sums and counts of zero, gain, exponent and sigma.
+    let mut places: HashMap<TaxelId, usize> = HashMap::new();
+    let mut all: Vec<(TaxelId, [(f64, f64); 4], TaxelState)> = Vec::new();
+    for ((&id, ([gain, exponent, sigma], state)), zero) in ids.zip(known).zip(zeros) {
+        let place = *places.entry(id).or_insert_with(|| {
+            all.push((id, [(0.0, 0.0); 4], state));
+            all.len() - 1
+        });
+        for ((sum, count), x) in all[place].1.iter_mut().zip([zero, gain, exponent, sigma]) {
+            if x.is_finite() {
+                (*sum, *count) = (*sum + x, *count + 1.0);
+            }
+        }
+    }
+    let taxel = |(id, sums, state): (TaxelId, [(f64, f64); 4], TaxelState)| {
+        let [zero, gain, exponent, sigma] =
+            sums.map(|(sum, count)| Some(sum / count).filter(|mean| mean.is_finite()));
+        let state = if gain.is_none() { state } else { TaxelState::Ok };
+        TaxelResponse { zero, gain, exponent, sigma, state, ..TaxelResponse::unknown(id) }
+    };
     Response {
         unit: unit.unwrap_or_default(),
         scale: Some(scale),
-        taxels: taxels.collect(),
+        taxels: all.into_iter().map(taxel).collect(),
         ..Response::default()
     }
 }
@@ -220,7 +242,6 @@ fn scaled(relative: &Response, report: &ScaleReport) -> Response {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::skin::TaxelId;
 
     /// A gain to the power of p has p times the relative error.
     #[test]

@@ -46,6 +46,8 @@ def condition(readings: Readings, map: Map, options: Options) -> Readings:
             episode=None,
             episodes=readings.episodes,
         )
+    from dermatome._readings import flags_of, of_touch as which_touch, rested, stand_still
+
     of_map = readings.on(map)
     values, times, split = of_map.values, of_map.timestamps, options.split
     baseline: Any = options.baseline
@@ -53,7 +55,7 @@ def condition(readings: Readings, map: Map, options: Options) -> Readings:
         rate = number_of("rate", options.rate, "a number above 0")
         if not 0 < rate < float("inf"):
             raise DataError(f"rate: found {rate}; needed: a number above 0")
-        if not np.isfinite(times).any():
+        if not np.isfinite(times).any() or stand_still(times):
             times = np.arange(len(times)) / rate
     if split is not None:
         split = number_of("split", split, "a frequency in Hz")
@@ -88,6 +90,9 @@ def condition(readings: Readings, map: Map, options: Options) -> Readings:
     clip = None if options.clip is None else tuple(as_floats("clip", options.clip).ravel().tolist())
     if clip is not None and len(clip) != 2:
         raise DataError(f"clip: found {len(clip)} numbers; needed: 2, the lower one first")
+    # What is subtracted here leaves readings about 0, and what is added does not.
+    has_zero = not is_number(options.baseline) or options.zero is not None and not follows
+    tared = which_touch(of_map) if has_zero else [False if np.any(options.offset) else flag for flag in flags_of(of_map)]
     arrays = condition_readings(
         map,
         values,
@@ -95,6 +100,8 @@ def condition(readings: Readings, map: Map, options: Options) -> Readings:
         times,
         list(of_map.channels),
         list(of_map.units),
+        kinds=None if of_map.kinds is None else list(of_map.kinds),
+        tared=tared[: len(of_map.channels)],
         baseline=baseline,
         zero=options.zero if follows else None,
         gains=gains,
@@ -108,13 +115,13 @@ def condition(readings: Readings, map: Map, options: Options) -> Readings:
         measured = np.repeat(measured, 2, axis=1)
     if options.fill != "none":
         measured = arrays["measured"] if measured is None else arrays["measured"] & measured
-    has_zero = options.zero is not None or not is_number(options.baseline) or options.baseline != 0
     # A threshold is one of readings about zero, or of those that have another.
+    has_zero = options.zero is not None or not is_number(options.baseline) or options.baseline != 0
     same_zero = not has_zero or (of_map.is_tared and values is of_map.values)
     is_as_stated = values is of_map.values and same_zero and not gains and split is None and options.response is None and clip is None
-    return replace(
+    made = replace(
         of_map,
-        is_tared=has_zero or (of_map.is_tared and not np.any(options.offset)),
+        kinds=None if arrays["kinds"] is None else tuple(arrays["kinds"]),
         threshold=of_map.threshold if is_as_stated else None,
         values=arrays["values"],
         timestamps=times,
@@ -123,6 +130,7 @@ def condition(readings: Readings, map: Map, options: Options) -> Readings:
         measured=measured,
         remarks=tuple(dict.fromkeys((*of_map.remarks, *arrays["remarks"]))),
     )
+    return rested(made, arrays["rest"][0])
 
 
 def _by_id(map: Map, gains: Any) -> list[tuple[Any, Any]]:
@@ -153,7 +161,8 @@ def of_touch(name: str, given: Any, neutral: float, readings: Readings) -> Any:
     if np.ndim(given) == 2:
         return array
     unknown = ("",) * shape[0]
-    is_touch = [is_of_touch(channel, unit) for channel, unit in zip(readings.channels or unknown, readings.units or unknown)]
+    kinds = readings.kinds or (None,) * shape[0]
+    is_touch = [is_of_touch(*each) for each in zip(readings.channels or unknown, readings.units or unknown, kinds)]
     if not any(is_touch):
         raise DataError(f"{name}: found the channels {list(readings.channels)}; needed: one that measures touches, or shape {array.shape}")
     return np.where(np.array(is_touch)[:, None], array, neutral)

@@ -49,6 +49,7 @@ __all__ = [
     "flatten",
     "is_extensive",
     "is_of_touch",
+    "is_same_unit",
     "join_readings",
     "main_channel",
     "order_columns",
@@ -700,7 +701,7 @@ class Layout(_Made):
 @final
 class Decoder(_Made):
     def decode(
-        self, raw: ArrayLike, times: ArrayLike | None = None, episode: int = 0
+        self, raw: ArrayLike, times: ArrayLike | None = None, episode: int = 0, zero: ArrayLike | None = None
     ) -> tuple[NDArray[np.floating[Any]], _F64]: ...
     @property
     def ids(self) -> _U32: ...
@@ -711,7 +712,9 @@ class Decoder(_Made):
     @property
     def learn_frames(self) -> int: ...
     @property
-    def rest(self) -> tuple[bool, float | None]: ...
+    def rest(self) -> tuple[list[bool], float | None]: ...
+    @property
+    def kinds(self) -> tuple[str, ...] | None: ...
     @property
     def statements(self) -> list[tuple[str, str, str]]: ...
 
@@ -735,7 +738,9 @@ class RecordingFile:
     @property
     def episodes(self) -> int: ...
     @property
-    def rest(self) -> tuple[bool, float | None]: ...
+    def rest(self) -> tuple[list[bool], float | None]: ...
+    @property
+    def kinds(self) -> tuple[str, ...] | None: ...
     @property
     def streams(self) -> dict[str, tuple[int, ...]]: ...
     @property
@@ -755,6 +760,8 @@ def condition_readings(
     channels: Sequence[str],
     units: Sequence[str],
     *,
+    kinds: Sequence[str] | None = None,
+    tared: Sequence[bool] = ...,
     baseline: int = 0,
     zero: str | None = None,
     gains: Sequence[tuple[int, float]] = ...,
@@ -792,7 +799,7 @@ class Response(_Made):
 
 def estimate_response(
     map: Map,
-    recordings: Sequence[tuple[ArrayLike, ArrayLike, Sequence[str], Sequence[str]]],
+    recordings: Sequence[tuple[ArrayLike, ArrayLike, Sequence[str], Sequence[str], Sequence[str] | None, ArrayLike | None]],
     *,
     pressure: ArrayLike | None = None,
     force: ArrayLike | None = None,
@@ -801,7 +808,7 @@ def estimate_response(
 ) -> Response: ...
 def examine_taxels(
     map: Map,
-    recordings: Sequence[tuple[ArrayLike, ArrayLike, Sequence[str], Sequence[str]]],
+    recordings: Sequence[tuple[ArrayLike, ArrayLike, Sequence[str], Sequence[str], Sequence[str] | None, ArrayLike | None]],
     *,
     threshold: float | None = None,
     modules: Sequence[tuple[int, str]] = ...,
@@ -809,7 +816,7 @@ def examine_taxels(
 ) -> tuple[list[dict[str, Any]], Response]: ...
 def order_columns(
     map: Map,
-    recordings: Sequence[tuple[ArrayLike, ArrayLike, Sequence[str], Sequence[str]]],
+    recordings: Sequence[tuple[ArrayLike, ArrayLike, Sequence[str], Sequence[str], Sequence[str] | None, ArrayLike | None]],
     *,
     known: Sequence[tuple[int, int]] = ...,
     threshold: float | None = None,
@@ -822,6 +829,7 @@ def summarise_readings(
     channel: str,
     unit: str,
     *,
+    kind: str | None = None,
     threshold: float | None = None,
     is_tared: bool = False,
     stated: float | None = None,
@@ -829,9 +837,10 @@ def summarise_readings(
     level: str | None = None,
     by: Literal["group", "step"] = "group",
 ) -> tuple[list[dict[str, Any]], float | None, int]: ...
-def main_channel(channels: Sequence[str], units: Sequence[str]) -> int: ...
+def main_channel(channels: Sequence[str], units: Sequence[str], kinds: Sequence[str] | None = None) -> int: ...
 def is_extensive(name: str, unit: str) -> bool: ...
-def is_of_touch(name: str, unit: str) -> bool: ...
+def is_of_touch(name: str, unit: str, kind: str | None = None) -> bool: ...
+def is_same_unit(unit: str, other: str) -> bool: ...
 def as_floats(name: str, value: ArrayLike) -> _F64: ...
 def as_numbers(name: str, value: ArrayLike, count: int) -> _U32: ...
 def simulate_touch(

@@ -26,6 +26,8 @@ def from_xarray(make: Any, array: Any) -> Readings:
     """A `DataArray` of the axes time and taxel, and channel if there are several, in any order."""
     import numpy as np
 
+    from dermatome._readings import rested
+
     dims: list[str] = list(getattr(array, "dims", ()))
     if sorted(dims) not in (["taxel", "time"], ["channel", "taxel", "time"]):
         raise DataError(f"array: found the axes {dims}; needed: time and taxel, and channel if there are several")
@@ -54,10 +56,15 @@ def from_xarray(make: Any, array: Any) -> Readings:
     if threshold is not None and not 0 < threshold < float("inf"):
         raise DataError(f"threshold: found {threshold}; needed: a number above 0, as an attribute")
     # It is of one channel, which may not be among those that were chosen.
-    of_main = made.channels[main_channel(made.channels, made.units)]
+    kinds = of("kind")
+    if kinds is not None:
+        made = replace(made, kinds=tuple(str(kind) for kind in np.atleast_1d(kinds)))
+    of_main = made.channels[main_channel(made.channels, made.units, made.kinds)]
     if array.attrs.get("threshold_channel", of_main) != of_main:
         threshold = None
     made = replace(made, is_tared=bool(array.attrs.get("is_tared", False)), threshold=threshold)
+    if of("tared") is not None:
+        made = rested(made, [bool(flag) for flag in np.atleast_1d(of("tared"))])
     measured, episodes = of("measured"), of("episode")
     if episodes is not None and np.ndim(episodes) == 1:
         made = replace(made, episodes=np.asarray(episodes, dtype=np.int64))

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from dermatome import _conditioning
 from dermatome._arguments import A_MAP, array_of, check_kind, one_of, path_of, whole_of, words_of
-from dermatome._dermatome import Map, as_floats, as_numbers, is_extensive, join_readings, main_channel, read_readings, summarise_readings
+from dermatome._dermatome import (
+    Map, as_floats, as_numbers, is_extensive, is_of_touch, is_same_unit, join_readings, main_channel, read_readings, summarise_readings,
+)
 from dermatome._errors import ArgumentError, DataError
 from dermatome._whole import written
 
@@ -50,7 +52,12 @@ class Readings:
         The number of the episode of each frame, where there are several: each has times, zeros, thresholds and contacts of its
         own.
     is_tared : bool
-        Whether readings are about 0 where nothing touches: the zero of a pressure or force is stated, or one is subtracted.
+        Whether readings of all channels that measure touches are about 0 where nothing touches: the zero of a pressure or force is
+        stated, or one is subtracted.
+    tared : tuple of bool or None
+        Which channels are, where some that measure touches are and others are not; None: as `is_tared` says.
+    kinds : tuple of str or None
+        What each channel measures, "touch", "tangential" or "other"; None: as name and unit tell.
     threshold : float or None
         The reading above which a taxel is loaded, as the file states it, in the unit of the readings.
     remarks : tuple of str
@@ -69,6 +76,8 @@ class Readings:
     is_tared: bool = field(default_factory=lambda: False)
     threshold: float | None = field(default_factory=lambda: None)
     episodes: NDArray[np.int64] | None = field(default_factory=lambda: None)
+    kinds: tuple[str, ...] | None = field(default_factory=lambda: None)
+    tared: tuple[bool, ...] | None = field(default_factory=lambda: None)
 
     @staticmethod
     def read(
@@ -91,7 +100,7 @@ class Readings:
             The axes of an array of three: frames, then taxels or channels. By default what the array `layout` of a .npz
             says, which `write` puts there, else "tnc".
         channels, units : str or sequence of str, optional
-            Names and units of the channels, of a .npy, which has none, or instead of those of the file.
+            Names of the channels instead of those of the file; units where it states none, as a .npy: two that differ are an error.
 
         Returns
         -------
@@ -102,7 +111,8 @@ class Readings:
         MissingFileError, FileError
             If it does not exist, or cannot be read.
         DataError
-            If it is no recording, the layout or the number of names is another, or an id is of no taxel of the map.
+            If it is no recording, the layout or the number of names is another, a unit is not that of the file, or an id is of no
+            taxel of the map.
         """
         layout = None if layout is None else one_of("layout", layout, ("tnc", "tcn"))  # type: ignore[assignment]
         stored, measured = _stored(path_of("path", path))
@@ -115,12 +125,19 @@ class Readings:
             readings = replace(readings, measured=measured)
         if not _any_finite(readings.timestamps):
             remarks.append("the frames have no times; condition(rate=) gives them some")
+        elif stand_still(readings.timestamps):
+            remarks.append("no frame is later than the first; condition(rate=) gives the frames times")
         count = len(readings.channels)
+        given = readings.units if units is None else names_of("units", units, count)
+        for name, known, unit in zip(readings.channels, readings.units, given):
+            if known and unit and not is_same_unit(known, unit):
+                raise DataError(f"units: found {unit!r} for {name!r}, which is in {known!r} as {path} says; needed: one unit; condition(scale=, units=) converts")
         readings = replace(
             readings,
             channels=readings.channels if channels is None else names_of("channels", channels, count),
-            units=readings.units if units is None else names_of("units", units, count),
-            threshold=readings.threshold if units is None else None,
+            kinds=readings.kinds if channels is None else None,
+            units=given,
+            threshold=readings.threshold if given == readings.units else None,
             remarks=tuple(remarks),
         )
         return readings if map is None else readings.on(map)
@@ -275,7 +292,10 @@ class Readings:
         chosen = [self.channels.index(name) for name in names]
         measured = None if self.measured is None else self.measured[:, chosen]
         units = tuple(self.units[k] for k in chosen) if self.units else ()
-        made = replace(self, values=self.values[:, chosen], channels=names, units=units, measured=measured)
+        kinds = None if self.kinds is None else tuple(self.kinds[k] for k in chosen)
+        made = replace(self, values=self.values[:, chosen], channels=names, units=units, measured=measured, kinds=kinds)
+        if self.tared is not None:
+            made = rested(made, [self.tared[k] for k in chosen])
         # It is of one channel.
         return made if self.threshold is None or chosen[_main(made)] == _main(self) else replace(made, threshold=None)
 
@@ -644,8 +664,9 @@ class Readings:
             joined.timestamps,
             names[number],
             unit,
+            kind=None if joined.kinds is None else joined.kinds[number],
             threshold=threshold,
-            is_tared=joined.is_tared,
+            is_tared=flags_of(joined)[number],
             stated=joined.threshold if number == main else None,
             probe=probe,
             level=level,
@@ -750,7 +771,11 @@ class Readings:
         if self.measured is not None:
             made.coords["measured"] = (made.dims, self.measured)
         # netCDF has no truth values.
+        if self.kinds is not None:
+            made.coords["kind"] = ("channel", list(self.kinds))
         made.attrs |= {"is_tared": 1} if self.is_tared else {}
+        if self.tared is not None:
+            made.coords["tared"] = ("channel", [int(flag) for flag in self.tared])
         if self.threshold is not None:
             made.attrs |= {"threshold": self.threshold, "threshold_channel": self.channels[_main(self)]}
         return made
@@ -782,8 +807,10 @@ class Readings:
             arrays["ids"] = self.ids
         if self.measured is not None:
             arrays["measured"] = by_taxel(self.measured).astype(np.uint8)
-        if self.is_tared:
-            arrays["is_tared"] = np.uint8(1)
+        if self.kinds is not None:
+            arrays["kinds"] = np.array(self.kinds)
+        if self.is_tared or self.tared is not None:
+            arrays["is_tared"] = np.uint8(1) if self.tared is None else np.array(self.tared, np.uint8)
         if self.threshold is not None:
             arrays["threshold"] = np.float64(self.threshold)
         finite = np.isfinite(self.timestamps)
@@ -799,13 +826,37 @@ class Readings:
 def of_arrays(arrays: dict[str, Any]) -> Readings:
     """A recording that the library has read or made."""
     made = Readings(arrays["values"], arrays["ids"], arrays["timestamps"], tuple(arrays["channels"]), tuple(arrays["units"]))
-    is_tared, threshold = arrays["rest"]
-    return replace(made, is_tared=is_tared, threshold=threshold)
+    tared, threshold = arrays["rest"]
+    kinds = None if arrays["kinds"] is None else tuple(arrays["kinds"])
+    return rested(replace(made, threshold=threshold, kinds=kinds), tared)
 
 
 def _main(readings: Readings) -> int:
     """The number of the channel that measures touches first, which `threshold` is of."""
-    return main_channel(readings.channels, readings.units)
+    return main_channel(readings.channels, readings.units, readings.kinds)
+
+
+def of_touch(readings: Readings) -> list[bool]:
+    """Which channels measure touches."""
+    kinds: Sequence[str | None] = readings.kinds or (None,) * len(readings.channels)
+    return [is_of_touch(name, unit, kind) for name, unit, kind in zip(readings.channels, readings.units, kinds)]
+
+
+def rested(readings: Readings, flags: Sequence[bool]) -> Readings:
+    """The readings, which are about 0 where nothing touches in these channels."""
+    of = [bool(flag) for flag, is_touch in zip(flags, of_touch(readings)) if is_touch]
+    is_mixed = any(of) and not all(of)
+    return replace(readings, is_tared=bool(of) and all(of), tared=tuple(map(bool, flags)) if is_mixed else None)
+
+
+def flags_of(readings: Readings) -> list[bool]:
+    """Of each channel whether readings are about 0 where nothing touches."""
+    return [readings.is_tared] * max(len(readings.channels), 1) if readings.tared is None else list(readings.tared)
+
+
+def stand_still(times: Any) -> bool:
+    """Whether frames have times, which are all the same."""
+    return len(times) > 1 and bool((times == times[0]).all())
 
 
 def _stored(path: Any) -> tuple[Any, Any]:
@@ -868,7 +919,7 @@ def names_of(argument: str, given: str | Sequence[str], count: int) -> tuple[str
 def channel_of(readings: Readings, channel: int | None) -> int:
     """The number of a channel; by default of the first that measures touches."""
     if channel is None:
-        return main_channel(readings.channels, readings.units)
+        return _main(readings)
     number, count = whole_of("channel", channel, "the number of a channel"), len(readings.channels)
     if not -count <= number < count:
         raise DataError(f"channel: found {number}; needed: one of {count}")

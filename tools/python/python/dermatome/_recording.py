@@ -13,7 +13,8 @@ from dermatome._dermatome import Layout, Map, Skin
 from dermatome._errors import ArgumentError, DataError
 from dermatome._whole import whole, written
 from dermatome.recordings import Container, Track, open_container
-from dermatome.recordings._blocks import Join, Zeros, learn_frames, learnable
+from dermatome.recordings._blocks import Join, learn_frames, learnable
+from dermatome.recordings._track import Block
 from dermatome.recordings.core import Arrays, Text, draft_of_array
 
 if TYPE_CHECKING:
@@ -157,6 +158,8 @@ class Recording:
         return self._chunks(map, _frames(frames))
 
     def _chunks(self, map: Map | None, frames: int) -> Iterator[Readings]:
+        from dermatome._readings import rested
+
         join: Join | None = None
         channels: tuple[str, ...] = ()
         units: tuple[str, ...] = ()
@@ -167,8 +170,8 @@ class Recording:
             for start in range(0, len(values), frames):
                 part = slice(start, start + frames)
                 made = self._made(join(values[part]), join.ids, seconds[part], channels, units, remarks=join.remarks, episode=episode)
-                is_tared, threshold = source.rest
-                yield replace(made, is_tared=is_tared, threshold=threshold)
+                tared, threshold = source.rest
+                yield rested(replace(made, threshold=threshold, kinds=source.kinds), tared)
 
     def _decoded(self, frames: int) -> Iterator[tuple[int, Any, Any, Any]]:
         """The number of an episode, values (T, C, N) and times of some of its frames, and who decoded them."""
@@ -184,20 +187,18 @@ class Recording:
             raise DataError(f"{self.path}: found no frame of {track.stream}; needed: one or more")
         # Times beside a stated rate are compared with it.
         time = track.times_beside() if "rate" in layout.time else layout.time.get("stream") or TIMES
-        blocks = track.blocks(max(frames, learn_frames(self._new_decoder())), self.episode, time, layout.zero_stream)
-        zeros = Zeros(self.path, layout)
-        decoder: Any = None
+        decoder = self._decoder = self._new_decoder()
+        learn = learn_frames(decoder)
+        track.missing = tuple(json.loads(layout.text).get("missing") or ())
+        blocks = track.blocks(max(frames, learn), self.episode, time, layout.zero_stream)
         first: dict[int, Any] = {}
-        for block in learnable(blocks, learn_frames(self._decoder)):
-            values = zeros(block)
-            if decoder is None:
-                decoder = self._decoder = self._new_decoder(zeros.zero)
+        for block in learnable(blocks, learn):
             times = block.times
             if times is not None and getattr(track, "ticks", None):
                 # The first is subtracted as an integer: 1e18 ns as a float is 0.2 us off.
                 times = times - first.setdefault(block.episode, times[0])
                 times = times if "rate" in layout.time else times * NANOSECONDS[layout.time["unit"]]
-            made, seconds = decoder.decode(values, times, block.episode)
+            made, seconds = decoder.decode(block.values, times, block.episode, self._zero(block))
             self._remember(decoder.statements)
             yield block.episode, made, seconds, decoder
 
@@ -408,13 +409,27 @@ class Recording:
         assert self._track is not None
         return self._track
 
-    def _new_decoder(self, zero: Any = None) -> Any:
+    def _zero(self, block: Block) -> Any:
+        """The numbers at rest of a block: one for all its frames, or one beside each; None where the layout takes none of a stream."""
+        import numpy as np
+
+        name = self._needed().zero_stream
+        if name is None:
+            return None
+        zero = np.asarray(block.zero)
+        if zero.shape not in (block.values.shape, block.values.shape[1:]):
+            raise DataError(f"{self.path}: {name}: found zeros of the shape {zero.shape[1:]}; needed: {block.values.shape[1:]}, that of a frame")
+        return zero
+
+    def _new_decoder(self) -> Any:
         track, layout = self._of(), self.layout
         if layout is None:
             return None
-        if zero is None and layout.zero_stream:
+        zero: Any = None
+        if layout.zero_stream:
             import numpy as np
 
+            # That of each block is given with it.
             zero = np.zeros(track.cells)
         return layout.decoder(self.path, track.cells, stream=track.stream, says=_stated(track, layout), zero=zero)
 

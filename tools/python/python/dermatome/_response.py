@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from dermatome._readings import Readings
 
-    _Arrays = tuple[Any, Any, list[str], list[str]]
+    _Arrays = tuple[Any, Any, list[str], list[str], Any, Any]
 
 
 def response(
@@ -179,7 +179,9 @@ def _arrays(map: Map, readings: Readings | Sequence[Readings]) -> list[_Arrays]:
     arrays: list[_Arrays] = []
     for name, each in _every(readings):
         try:
-            arrays += [_of_one(part.on(map)) for part in each.by_episode()]
+            # Ids tell which taxels of a map with shared ids have one reading.
+            each.on(map)
+            arrays += [_of_one(part, part.ids) for part in each.by_episode()]
         except DataError as error:
             raise DataError(f"{name}: {error}", error.kind) from None
     return arrays
@@ -197,5 +199,6 @@ def _every(readings: Readings | Sequence[Readings]) -> list[tuple[str, Readings]
     return every
 
 
-def _of_one(readings: Readings) -> _Arrays:
-    return readings.values, readings.timestamps, list(readings.channels), list(readings.units)
+def _of_one(readings: Readings, ids: Any = None) -> _Arrays:
+    kinds = None if readings.kinds is None else list(readings.kinds)
+    return readings.values, readings.timestamps, list(readings.channels), list(readings.units), kinds, ids

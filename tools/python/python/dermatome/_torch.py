@@ -422,10 +422,10 @@ def _tracked(map: Map, readings: Readings, threshold: float | None) -> dict[str,
         made = [_tracked(map, part, threshold) for part in parts]
         return {name: np.concatenate([each[name] for each in made]) for name in made[0]}
     contacts, numbers = _blank(len(readings)), {name: number for number, name in enumerate(map.patches)}
-    channel = main_channel(readings.channels, readings.units)
+    channel = main_channel(readings.channels, readings.units, readings.kinds)
     unit = readings.units[channel] if readings.units else ""
     threshold = readings.threshold if threshold is None else threshold
-    tracker = ContactTracker(map, unit=unit, threshold=threshold, tared=readings.is_tared)
+    tracker = ContactTracker(map, unit=unit, threshold=threshold, tared=readings.is_tared if readings.tared is None else readings.tared[channel])
     times = [time if np.isfinite(time) else None for time in readings.timestamps.tolist()]
     for frame, (values, time) in enumerate(zip(readings.values[:, channel], times)):
         found = [contact for contact in tracker.track(values, time) if contact["event"] != "release"]

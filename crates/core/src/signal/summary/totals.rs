@@ -124,7 +124,8 @@ impl Totals {
     fn integrate(&mut self, last: &Kept, now: &Kept, step: f64) {
         let add = |sum: &mut Option<f64>, a: f64, b: f64| {
             let part = 0.5 * step * (a + b);
-            if part.is_finite() {
+            // Times that stand still measure nothing.
+            if part.is_finite() && step > 0.0 {
                 *sum.get_or_insert(0.0) += part;
             }
         };

@@ -16,6 +16,9 @@ pub(crate) const LONGEST: usize = 1 << 20;
 /// end its line.
 const MOST_SKIPPED: u64 = 1 << 28;
 
+/// Most lines of comments that are kept.
+const MOST_COMMENTS: usize = 64;
+
 /// What some editors put at the start of a text.
 const BYTE_ORDER_MARK: &[u8] = "\u{feff}".as_bytes();
 
@@ -87,6 +90,8 @@ pub(crate) struct Lines<R> {
     path: PathBuf,
     /// What begins a line that is passed over.
     pub(crate) comment: Option<u8>,
+    /// The first lines that were passed over, while they are kept.
+    pub(crate) kept_comments: Option<Vec<String>>,
     bytes: Vec<u8>,
     line: usize,
     ended: bool,
@@ -108,6 +113,7 @@ impl<R: BufRead> Lines<R> {
             input,
             path,
             comment,
+            kept_comments: None,
             bytes,
             line: 0,
             ended: false,
@@ -158,6 +164,9 @@ impl<R: BufRead> Lines<R> {
             let first = self.bytes.trim_ascii_start().first();
             if first.is_some() && first != self.comment.as_ref() {
                 return Ok(());
+            }
+            if let Some(kept) = self.kept_comments.as_mut().filter(|kept| kept.len() < MOST_COMMENTS) {
+                kept.push(String::from_utf8_lossy(self.bytes.trim_ascii()).into_owned());
             }
         }
     }

@@ -2,6 +2,7 @@
 
 use serde::Deserialize;
 
+use crate::signal::Channel;
 use crate::skin::TaxelId;
 
 /// Something that is known about a recording.
@@ -50,6 +51,12 @@ pub struct StreamFacts {
     pub usual_axes: Vec<&'static str>,
     /// The unit of all readings, or one for each component; none if the file does not state it, empty where it does not.
     pub units: Vec<String>,
+    /// The names of the components; none if the file does not state them.
+    pub names: Vec<String>,
+    /// Whether the zero is subtracted already.
+    pub is_tared: bool,
+    /// Whether its numbers are floats of 16 bits, to which numbers of `missing` are rounded.
+    pub has_halves: bool,
     /// Whether the units follow from sums in the file, and are not written in it.
     pub has_checked_units: bool,
     /// Frames per second.
@@ -81,12 +88,25 @@ pub struct StreamFacts {
 }
 
 /// What is known of readings where nothing touches.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct KnownRest {
-    /// Whether they are about 0: the zero of a pressure or force is stated, or one is subtracted already.
-    pub is_zero: bool,
+    /// Of each channel whether they are about 0: its zero is stated and it is a pressure or force, or one is subtracted already;
+    /// empty: of none.
+    pub is_zero: Vec<bool>,
     /// The reading above which a taxel is loaded, in the unit of the first channel that is of touch.
     pub threshold: Option<f64>,
+}
+
+impl KnownRest {
+    /// Readings that are about 0 in all channels that measure touches.
+    pub fn tared(channels: &[Channel]) -> Self {
+        Self { is_zero: channels.iter().map(|channel| channel.kind.is_of_touch()).collect(), threshold: None }
+    }
+
+    /// Whether readings of a channel are about 0.
+    pub fn is_zero_in(&self, channel: usize) -> bool {
+        self.is_zero.get(channel).copied().unwrap_or(false)
+    }
 }
 
 /// What times are counted in.

@@ -232,6 +232,18 @@ impl Layout {
         &self.channels
     }
 
+    /// The numbers that stand for no reading, as they are and as floats of 32 bits have them.
+    pub(in crate::io) fn missing_numbers(&self) -> Vec<f64> {
+        #[expect(clippy::cast_possible_truncation, reason = "the nearest float of 32 bits is meant")]
+        let singles = self.missing.iter().map(|&x| f64::from(x as f32));
+        self.missing.iter().copied().chain(singles).collect()
+    }
+
+    /// These numbers as floats of 16 bits have them.
+    pub(super) fn missing_halves(&self) -> Vec<f64> {
+        self.missing.iter().map(|&x| half(x)).collect()
+    }
+
     /// The stream from which the zero is taken, if it is.
     pub fn zero_stream(&self) -> Option<&str> {
         match &self.zero {
@@ -297,4 +309,15 @@ pub(super) fn first_null(json: &Value) -> Option<String> {
         Value::Object(keys) => keys.iter().find_map(|(key, value)| under(key.clone(), value)),
         _ => None,
     }
+}
+
+/// The nearest float of 16 bits, which has 11 digits in base 2; those below 2^-14 have the step of the next.
+fn half(x: f64) -> f64 {
+    const LEAST: i32 = -14;
+    if x == 0.0 || !x.is_finite() {
+        return x;
+    }
+    let step = x.abs().log2().floor().max(f64::from(LEAST)) - 10.0;
+    let step = step.exp2();
+    (x / step).round_ties_even() * step
 }

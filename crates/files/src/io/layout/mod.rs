@@ -20,7 +20,7 @@ use std::path::{Path, PathBuf};
 use self::cells::Member;
 use self::checks::{CHECKED_FRAMES, Moves};
 use self::clock::{Fault, FrameClock};
-use self::rules::{Press, ZeroRule};
+use self::rules::{Press, ZeroRule, ZeroWord};
 use crate::io::IoError;
 use crate::io::file::invalid;
 use crate::numeric::Csr;
@@ -56,6 +56,8 @@ pub struct Decoder {
     press: Press,
     zero: ZeroRule,
     missing: Vec<f64>,
+    /// These as floats of 16 bits have them, until they count.
+    missing_halves: Vec<f64>,
     clock: FrameClock,
     /// Axes of cells: of several, two may be swapped.
     cell_axes: usize,
@@ -98,8 +100,18 @@ impl Decoder {
         let place = |cell: usize| if component.is_some() { place(cell) } else { cell };
         let mut statements = facts.notes.clone();
         let mut sources = Vec::new();
+        if facts.is_tared && !matches!(layout.zero, ZeroRule::Word(ZeroWord::Taken) | ZeroRule::Number(0.0)) {
+            let needed = of_layout(layout.zero.describe());
+            return refuse("zero", "`is_tared` 1: zero is subtracted already".into(), needed);
+        }
         for (k, rule) in layout.rules.iter().enumerate() {
             let at = rule.component.unwrap_or(0);
+            if let Some(other) = facts.names.iter().position(|name| *name == rule.name)
+                && facts.names.get(at) != Some(&rule.name)
+            {
+                let found = format!("{} as component {other}", rule.name);
+                return refuse("channels", found, of_layout(format!("component {at}")));
+            }
             if at >= components {
                 let needed = layout.says(format!("component {at} of channel {}", rule.name));
                 return Err(invalid(file, "axes", format!("{components} components"), needed));
@@ -138,7 +150,8 @@ impl Decoder {
             pressed: (pressed, scale),
             press: layout.press,
             zero: layout.zero.clone(),
-            missing: layout.missing.clone(),
+            missing: layout.missing_numbers(),
+            missing_halves: layout.missing_halves(),
             clock: FrameClock::new(layout.time.clone(), facts),
             cell_axes: shape.len(),
             zero_of: None,
@@ -148,6 +161,9 @@ impl Decoder {
             first_lost: None,
             ids,
         };
+        if facts.has_halves {
+            decoder.take_halves();
+        }
         decoder.set_zero(facts)?;
         layout.check_time(file, facts)?;
         let taxels = format!("{} of {} cells", decoder.ids.len(), shape.iter().product::<usize>());
@@ -166,12 +182,15 @@ impl Decoder {
     }
 
     /// What is known of readings where nothing touches: pressures and forces are about 0 there, since their zero is stated,
-    /// and the threshold is that of the file. Nothing is known of counts, whose zero differs from taxel to taxel.
+    /// and the threshold is that of the file. Nothing is known of counts, whose zero differs from taxel to taxel, unless the
+    /// file states that it is subtracted.
     pub fn rest(&self, facts: &StreamFacts) -> KnownRest {
         let (channel, scale) = self.pressed;
-        let is_zero = self.channels[channel].newtons().is_some();
+        let is_zero = |c: &Channel| c.kind.is_of_touch() && (facts.is_tared || c.newtons().is_some());
+        let is_zero: Vec<bool> = self.channels.iter().map(is_zero).collect();
         let zero = if let ZeroRule::Number(zero) = self.zero { zero } else { 0.0 };
-        let threshold = facts.threshold.map(|x| (x - zero) * scale.abs()).filter(|x| *x > 0.0 && is_zero);
+        let threshold = facts.threshold.map(|x| (x - zero) * scale.abs());
+        let threshold = threshold.filter(|x| *x > 0.0 && is_zero[channel]);
         KnownRest { is_zero, threshold }
     }
 
@@ -195,16 +214,38 @@ impl Decoder {
         all
     }
 
-    /// Appends the readings and the seconds of some frames: channel `c` of taxel `n` of a frame is `[c * taxels + n]`.
-    /// All frames are of one episode; a later call may be of a later one, whose times may begin again, and whose first frames
-    /// are its zero where the layout says so.
+    /// Takes numbers that stand for no reading as floats of 16 bits have them.
+    pub fn take_halves(&mut self) {
+        self.missing.append(&mut self.missing_halves);
+    }
+
+    /// As [`Self::decode_beside`], without zeros beside the frames.
     ///
     /// # Errors
-    /// If there are too few numbers or times, times do not ascend or have another unit, or the first frames contradict
-    /// the layout.
+    /// As [`Self::decode_beside`].
     pub fn decode<T: Copy + Into<f64> + FromF64>(
         &mut self,
         raw: &[T],
+        times: Times<'_>,
+        episode: u64,
+        values: &mut Vec<T>,
+        seconds: &mut Vec<f64>,
+    ) -> Result<(), IoError> {
+        self.decode_beside(raw, &[], times, episode, values, seconds)
+    }
+
+    /// Appends the readings and the seconds of some frames: channel `c` of taxel `n` of a frame is `[c * taxels + n]`.
+    /// All frames are of one episode; a later call may be of a later one, whose times may begin again, and whose first frames
+    /// are its zero where the layout says so. `zeros` are the numbers at rest, where the layout takes them from a stream: of one
+    /// frame for all of these, or of each frame its own; none: those of [`StreamFacts::zero`].
+    ///
+    /// # Errors
+    /// If there are too few numbers, zeros or times, times do not ascend or have another unit, or the first frames contradict
+    /// the layout.
+    pub fn decode_beside<T: Copy + Into<f64> + FromF64>(
+        &mut self,
+        raw: &[T],
+        zeros: &[f64],
         times: Times<'_>,
         episode: u64,
         values: &mut Vec<T>,
@@ -215,6 +256,12 @@ impl Decoder {
             return Err(self.invalid("frames", found, format!("{} for each frame", self.width)));
         }
         let frames = raw.len() / self.width;
+        if !zeros.is_empty() && zeros.len() != self.width && zeros.len() != raw.len() {
+            let found = format!("{} numbers in the stream of the zero", zeros.len());
+            let needed =
+                format!("{}, one for each of a frame, or as many for each of {frames} frames", self.width);
+            return Err(self.invalid("zero", found, needed));
+        }
         let before = self.clock.frames();
         let fault = |[element, found, needed]: Fault| invalid(&self.file, element, found, needed);
         self.clock.seconds(times, frames, episode, seconds).map_err(fault)?;
@@ -226,8 +273,11 @@ impl Decoder {
             self.learn_zero(raw)?;
         }
         values.reserve(frames * self.sources.len() * self.ids.len());
+        // A row of zeros for each frame; of one row all frames take it.
+        let rows = zeros.len() / self.width;
         for (k, frame) in raw.chunks_exact(self.width).enumerate() {
-            let lost = self.decode_frame(frame, values);
+            let zeros = (rows > 0).then(|| &zeros[k.min(rows - 1) * self.width..][..self.width]);
+            let lost = self.decode_frame(frame, zeros, values);
             if lost > 0 {
                 self.lost += lost as u64;
                 self.first_lost.get_or_insert(before + k as u64);
@@ -239,17 +289,32 @@ impl Decoder {
         Ok(())
     }
 
+    /// Whether a number of the file stands for no reading: infinite ones are missing, too.
+    fn is_missing(&self, x: f64) -> bool {
+        !x.is_finite() || self.missing.contains(&x)
+    }
+
     /// Appends the readings of a frame, and returns how many are missing.
-    fn decode_frame<T: Copy + Into<f64> + FromF64>(&self, frame: &[T], values: &mut Vec<T>) -> usize {
+    fn decode_frame<T: Copy + Into<f64> + FromF64>(
+        &self,
+        frame: &[T],
+        zeros: Option<&[f64]>,
+        values: &mut Vec<T>,
+    ) -> usize {
         let mut lost = 0;
-        let read = |number: &Number| {
-            let x: f64 = frame[number.place as usize].into();
-            // Infinite readings are missing, too.
-            let is_missing = !x.is_finite() || self.missing.contains(&x);
-            // No zero has a sign: 0.0 is added.
-            if is_missing { f64::NAN } else { (x - number.zero) * number.factor + 0.0 }
-        };
         for (numbers, channel) in self.sources.iter().zip(&self.channels) {
+            let zeros = zeros.filter(|_| channel.kind.is_of_touch());
+            let read = |number: &Number| {
+                let place = number.place as usize;
+                let x: f64 = frame[place].into();
+                let zero = match zeros {
+                    Some(zeros) if self.is_missing(zeros[place]) => f64::NAN,
+                    Some(zeros) => zeros[place],
+                    None => number.zero,
+                };
+                // No zero has a sign: 0.0 is added.
+                if self.is_missing(x) { f64::NAN } else { (x - zero) * number.factor + 0.0 }
+            };
             let is_amount = channel.quantity == Quantity::Extensive;
             values.extend(numbers.iter().map(|numbers| {
                 let x = match numbers {
@@ -281,7 +346,8 @@ impl Decoder {
                 Err(self.invalid("zero", found, format!("{}, one for each of a frame", self.width)))
             }
             (ZeroRule::Stream { .. }, Some(zeros)) => {
-                let zeros = zeros.clone();
+                let zeros: Vec<f64> =
+                    zeros.iter().map(|&zero| if self.is_missing(zero) { f64::NAN } else { zero }).collect();
                 self.each_number(|number| number.zero = zeros[number.place as usize]);
                 Ok(())
             }

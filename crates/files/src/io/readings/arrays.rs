@@ -23,11 +23,11 @@ pub enum ReadingsLayout {
 }
 
 /// The names of the numbers that state what is known where nothing touches.
-pub(super) const REST: [&str; 2] = ["is_tared", "threshold"];
+pub(in crate::io) const REST: [&str; 2] = ["is_tared", "threshold"];
 
 /// Whether an array is about the values.
 fn is_about(name: &str) -> bool {
-    ["ids", "taxel_ids", "channels", "units"].contains(&name) || time_column(name).is_some()
+    ["ids", "taxel_ids", "channels", "units", "kinds"].contains(&name) || time_column(name).is_some()
 }
 
 pub(super) struct ArrayReadings {
@@ -56,7 +56,8 @@ impl ArrayReadings {
         let about = |names: &[&str]| only(path, others().filter(|(name, _)| names.contains(&name.as_str())));
         let ids =
             about(&["ids", "taxel_ids"])?.map(|array| read_ids(path, array, values, width)).transpose()?;
-        let channels = read_channels(path, about(&["channels"])?, about(&["units"])?, channels)?;
+        let channels =
+            read_channels(path, ["channels", "units", "kinds"].map(|name| about(&[name])), channels)?;
         let times = only(path, others().filter(|(name, _)| time_column(name).is_some()))?;
         let times = times.map(|array| {
             need_shape(path, array, frames, "one for each frame")?;
@@ -66,13 +67,18 @@ impl ArrayReadings {
             let per_second = time_column(&array.name).unwrap_or(Ok(1));
             let per_second =
                 per_second.map_err(|needed| invalid(path, array.element(), array.name.as_str(), needed))?;
+            // Dates state their unit, whatever the array is called.
+            let per_second = array.header.elements.dates_per_second().map_or(per_second, |_| 1);
             Ok((ArrayRows::open(path, array, 1)?, f64::from(per_second)))
         });
         let times = times.transpose()?;
         let has_times = times.is_some();
-        // Arrays of more than one number that have these names are about something else.
+        // Other arrays of more than one number that have these names are about something else.
         let number = |name: &str| {
-            let is_one = |array: &StoredArray| array.header.shape.iter().all(|&side| side == 1);
+            let is_one = |array: &StoredArray| {
+                let of_channels = name == REST[0] && array.header.shape == [channels.len() as u64];
+                of_channels || array.header.shape.iter().all(|&side| side == 1)
+            };
             others().find(|(known, array)| *known == name && is_one(array)).map(|(_, array)| array)
         };
         let (rest, notes) = read_rest(path, REST.map(number), &channels)?;
@@ -121,38 +127,59 @@ impl ArrayReadings {
     }
 }
 
-/// What is known of readings where nothing touches, of one number each.
-fn read_rest(
+/// What is known of readings where nothing touches: whether they are about 0, one number or one for each channel, and the
+/// threshold.
+pub(in crate::io) fn read_rest(
     path: &Path,
-    stated: [Option<&StoredArray>; 2],
+    [is_tared, threshold]: [Option<&StoredArray>; 2],
     channels: &[Channel],
 ) -> Result<(KnownRest, Vec<Statement>), IoError> {
-    let [is_tared, threshold] = stated.map(|array| array.map(|array| read_number(path, array)).transpose());
     let invalid =
         |name: &str, found: f64, needed| invalid(path, format!("array `{name}`"), found.to_string(), needed);
-    let is_zero = match is_tared? {
-        Some(flag) if flag != 0.0 && flag != 1.0 => return Err(invalid(REST[0], flag, "0 or 1")),
-        flag => flag == Some(1.0),
-    };
-    let threshold = threshold?;
+    let is_tared = is_tared.map(|array| read_numbers(path, array)).transpose()?.unwrap_or_default();
+    if let Some(flag) = is_tared.iter().find(|flag| ![0.0, 1.0].contains(*flag)) {
+        return Err(invalid(REST[0], *flag, "0 or 1"));
+    }
+    let threshold = threshold.map(|array| read_numbers(path, array)).transpose()?.map(|all| all[0]);
     if let Some(found) = threshold.filter(|x| !(x.is_finite() && *x > 0.0)) {
         return Err(invalid(REST[1], found, "a positive number"));
     }
-    let unit = channels.iter().find(|channel| channel.kind.is_of_touch()).map_or("", |channel| &channel.unit);
-    let zero = is_zero.then(|| ("zero", "subtracted before".to_owned()));
-    let stated =
-        zero.into_iter().chain(threshold.map(|x| ("threshold", format!("{x} {unit}").trim().to_owned())));
-    let notes = stated.map(|(what, value)| Statement::new(what, value, StatementSource::File)).collect();
-    Ok((KnownRest { is_zero, threshold }, notes))
+    // One number is of all channels.
+    let flag = |k: usize| is_tared.get(if is_tared.len() == 1 { 0 } else { k }) == Some(&1.0);
+    let is_zero: Vec<bool> =
+        channels.iter().enumerate().map(|(k, channel)| channel.kind.is_of_touch() && flag(k)).collect();
+    Ok(stated_rest(KnownRest { is_zero, threshold }, channels))
 }
 
-fn read_number(path: &Path, array: &StoredArray) -> Result<f64, IoError> {
+/// What a file states of readings where nothing touches, and its statements.
+pub(super) fn stated_rest(mut rest: KnownRest, channels: &[Channel]) -> (KnownRest, Vec<Statement>) {
+    if !rest.is_zero.contains(&true) {
+        rest.is_zero.clear();
+    }
+    let unit = channels.iter().find(|channel| channel.kind.is_of_touch()).map_or("", |channel| &channel.unit);
+    let of_touch = channels.iter().zip(&rest.is_zero).filter(|(channel, _)| channel.kind.is_of_touch());
+    let tared: Vec<&str> =
+        of_touch.clone().filter(|(_, is_zero)| **is_zero).map(|(channel, _)| &*channel.name).collect();
+    let zero = (!tared.is_empty()).then(|| {
+        let of =
+            if tared.len() < of_touch.count() { format!(" in {}", tared.join(", ")) } else { String::new() };
+        ("zero", format!("subtracted before{of}"))
+    });
+    let threshold = rest.threshold.map(|x| ("threshold", format!("{x} {unit}").trim().to_owned()));
+    let stated = zero.into_iter().chain(threshold);
+    let notes = stated.map(|(what, value)| Statement::new(what, value, StatementSource::File)).collect();
+    (rest, notes)
+}
+
+/// The numbers of a small array, one at least.
+fn read_numbers(path: &Path, array: &StoredArray) -> Result<Vec<f64>, IoError> {
     if !array.header.elements.is_number() {
         return Err(invalid(path, array.element(), array.header.describe(), "a number"));
     }
-    let mut number = [f64::NAN];
-    ArrayRows::open(path, array, 1)?.read(path, &mut number)?;
-    Ok(number[0])
+    let count = usize::try_from(array.header.shape.iter().product::<u64>()).unwrap_or(usize::MAX);
+    let mut numbers = vec![f64::NAN; count.max(1)];
+    ArrayRows::open(path, array, count)?.read(path, &mut numbers)?;
+    Ok(numbers)
 }
 
 /// The array of the readings: the one called `values` or `readings`, or the only one that can be.
@@ -256,11 +283,10 @@ pub(in crate::io) fn ids_of(path: &Path, array: &StoredArray, width: usize) -> R
     ids.iter().enumerate().map(id).collect()
 }
 
-/// The channels: named by an array of texts, else by their number.
+/// The channels: named by an array of texts, else by their number; their units, and their kinds where name and unit do not tell.
 fn read_channels(
     path: &Path,
-    names: Option<&StoredArray>,
-    units: Option<&StoredArray>,
+    [names, units, kinds]: [Result<Option<&StoredArray>, IoError>; 3],
     count: usize,
 ) -> Result<Vec<Channel>, IoError> {
     let texts = |array: Option<&StoredArray>| {
@@ -273,14 +299,21 @@ fn read_channels(
         });
         texts.transpose()
     };
-    let names = texts(names)?.unwrap_or_else(|| match count {
+    let names = texts(names?)?.unwrap_or_else(|| match count {
         1 => vec![String::new()],
         _ => (0..count).map(|k| format!("channel{k}")).collect(),
     });
-    let units = texts(units)?.unwrap_or_else(|| vec![String::new(); count]);
+    let units = texts(units?)?.unwrap_or_else(|| vec![String::new(); count]);
     let channel = |(name, unit): (&String, &String)| Channel::new(name, unit);
-    let channels = names.iter().zip(&units).map(channel).collect::<Result<_, _>>();
-    channels.map_err(|e| invalid(path, "units", units.join(", "), e.to_string()))
+    let channels = names.iter().zip(&units).map(channel).collect::<Result<Vec<Channel>, _>>();
+    let mut channels = channels.map_err(|e| invalid(path, "units", units.join(", "), e.to_string()))?;
+    for (channel, kind) in channels.iter_mut().zip(texts(kinds?)?.unwrap_or_default()) {
+        let known = kind.parse();
+        channel.kind = known.map_err(|_| {
+            invalid(path, "array `kinds`", excerpt(&kind), "touch, tangential or other, for each channel")
+        })?;
+    }
+    Ok(channels)
 }
 
 /// Refuses an array of another shape than `(count,)`.

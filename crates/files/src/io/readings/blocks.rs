@@ -72,7 +72,7 @@ impl BlockReadings {
 
     /// What is known of readings where nothing touches.
     pub(super) fn rest(&self) -> KnownRest {
-        self.block.readings.rest
+        self.block.readings.rest.clone()
     }
 
     pub(super) fn episode(&self) -> u64 {

@@ -66,6 +66,13 @@ impl About {
             cells: if count == 1 { vec![self.width] } else { vec![count, self.width] },
             usual_axes: if count == 1 { vec!["taxel"] } else { vec!["component", "taxel"] },
             units: if units.iter().all(String::is_empty) { Vec::new() } else { units },
+            names: if count == 1 {
+                Vec::new()
+            } else {
+                self.channels.iter().map(|c| c.name.clone()).collect()
+            },
+            is_tared: self.rest.is_zero.contains(&true),
+            threshold: self.rest.threshold,
             time_unit: if self.has_times { TimeUnit::of(self.per_second) } else { None },
             ids: self.ids.clone(),
             notes: self.notes.clone(),

@@ -24,6 +24,8 @@ pub(super) struct LaidReadings {
     has_begun: bool,
     has_ended: bool,
     raw: Vec<f64>,
+    /// The zeros beside these frames, if they have any.
+    zeros: Vec<f64>,
     cells: Vec<f64>,
     /// The episode and the time of the frame in `cells`, if it comes next.
     ahead: Option<(u64, FileTime)>,
@@ -59,6 +61,7 @@ impl LaidReadings {
             has_begun: false,
             has_ended: false,
             raw: Vec::new(),
+            zeros: Vec::new(),
             cells: Vec::new(),
             ahead: None,
             episode: 0,
@@ -85,6 +88,7 @@ impl LaidReadings {
         let few = (MAX_NUMBERS / width.max(1)).clamp(1, self.most);
         let mut wanted = few;
         self.raw.clear();
+        self.zeros.clear();
         let (mut whole, mut real, mut count) = (Vec::new(), Vec::new(), 0);
         let mut tick = FileTime::None;
         let mut episode = self.episode;
@@ -107,6 +111,7 @@ impl LaidReadings {
             }
             (self.ahead, episode, tick) = (None, of, at);
             self.raw.extend_from_slice(&self.cells);
+            self.zeros.extend_from_slice(self.frames.zeros().unwrap_or_default());
             match tick {
                 FileTime::None => {}
                 FileTime::Whole(time) => whole.push(time),
@@ -125,7 +130,8 @@ impl LaidReadings {
         self.values.clear();
         self.seconds.clear();
         self.episode = episode;
-        self.decoder.decode(&self.raw, times, episode, &mut self.values, &mut self.seconds)?;
+        let Self { decoder, raw, zeros, values, seconds, .. } = self;
+        decoder.decode_beside(raw, zeros, times, episode, values, seconds)?;
         (self.next, self.has_begun) = (0, true);
         Ok(true)
     }

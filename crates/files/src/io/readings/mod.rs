@@ -260,7 +260,8 @@ impl Readings {
     /// As [`ReadingsReader::read`].
     pub fn collect(mut reader: ReadingsReader, mut progress: impl FnMut()) -> Result<Self, IoError> {
         let (ids, channels, width) = (reader.ids.take(), std::mem::take(&mut reader.channels), reader.width);
-        let mut all = Self { ids, channels, width, rest: reader.rest, ..Self::default() };
+        let mut all =
+            Self { ids, channels, width, rest: std::mem::take(&mut reader.rest), ..Self::default() };
         let (mut values, mut time) = (Vec::new(), f64::NAN);
         while reader.read(&mut values, &mut time)? {
             all.values.extend_from_slice(&values);
@@ -463,7 +464,7 @@ impl ReadingsReader {
             width: *width,
             frames: Some(times.len() as u64),
             has_times: times.iter().any(|time| time.is_finite()),
-            rest: *rest,
+            rest: rest.clone(),
             ..About::default()
         };
         Ok(Self::of(Source::Memory(readings, 0), about))

@@ -14,7 +14,8 @@ use crate::io::file::lines::{LineLocation, Lines, POINT_NEEDED, has_decimal_comm
 use crate::io::file::times::{seconds, time_column};
 use crate::io::file::{cannot_read, excerpt};
 use crate::io::layout::columns::listed;
-use crate::io::layout::{Layout, Statement, StatementSource, StreamFacts};
+use crate::io::layout::{KnownRest, Layout, Statement, StatementSource, StreamFacts};
+use crate::io::readings::arrays::{REST, stated_rest};
 use crate::io::readings::header::{
     About, Cell, Header, MAX_NUMBERS, SHAPES, bare_header, named_header, parse_header,
 };
@@ -30,6 +31,8 @@ pub(super) struct TextLines {
     lines: Lines<BufReader<Box<dyn Read + Send>>>,
     separator: Separator,
     pub(super) words: Cells,
+    /// The lines with `#` above the names of the columns.
+    comments: Vec<String>,
 }
 
 impl TextLines {
@@ -38,7 +41,9 @@ impl TextLines {
     pub(super) fn open(path: &Path, input: Box<dyn Read + Send>, is_csv: bool) -> Result<Self, IoError> {
         let mut lines = Lines::new(BufReader::with_capacity(1 << 16, input), path, Some(b'#'));
         lines.longest = LONGEST_LINE;
+        lines.kept_comments = Some(Vec::new());
         lines.advance()?;
+        let comments = lines.kept_comments.take().unwrap_or_default();
         let Some((line, _)) = lines.current()? else {
             return Err(lines.at().invalid("an empty file", SHAPES));
         };
@@ -50,7 +55,24 @@ impl TextLines {
         let separator = Separator::of(line, signs).unwrap_or(other);
         let mut words = Cells::default();
         words.split(line, separator, true);
-        Ok(Self { lines, separator, words })
+        Ok(Self { lines, separator, words, comments })
+    }
+
+    /// What lines `# is_tared: 1` and `# threshold: X` above the names state of readings where nothing touches; other lines with
+    /// `#` are comments.
+    fn rest(&self, channels: &[Channel]) -> (KnownRest, Vec<Statement>) {
+        let mut rest = KnownRest::default();
+        for line in &self.comments {
+            let Some((key, value)) = line.trim_start_matches('#').split_once(':') else { continue };
+            match (key.trim(), value.trim()) {
+                (key, "1") if key == REST[0] => rest.is_zero = KnownRest::tared(channels).is_zero,
+                (key, value) if key == REST[1] => {
+                    rest.threshold = value.parse().ok().filter(|x: &f64| x.is_finite() && *x > 0.0);
+                }
+                _ => {}
+            }
+        }
+        stated_rest(rest, channels)
     }
 
     /// Takes the next line; false after the last one.
@@ -132,7 +154,8 @@ impl TextReadings {
         if let Some((Header { width, channels, cells, .. }, first_line)) =
             bare_header(&words).filter(|_| how.is_row || !leading)
         {
-            let about = About { channels, width, first_line, ..About::default() };
+            let (rest, notes) = lines.rest(&channels);
+            let about = About { channels, width, first_line, rest, notes, ..About::default() };
             return Ok((Self { is_ahead: true, ..Self::of(lines, cells, width) }, about));
         }
         let header = parse_header(words.iter().copied(), leading, lines.at());
@@ -149,7 +172,8 @@ impl TextReadings {
         });
         let (has_times, per_second) = (time.is_some(), time.unwrap_or(1));
         let numbers = width * channels.len();
-        let about = About { ids, channels, width, has_times, per_second, ..About::default() };
+        let (rest, notes) = lines.rest(&channels);
+        let about = About { ids, channels, width, has_times, per_second, rest, notes, ..About::default() };
         Ok((Self::of(lines, cells, numbers), about))
     }
 
@@ -342,9 +366,11 @@ impl LongReadings {
         let (width, ids, channels) = (ids.len(), Some(ids), vec![channel]);
         let unread: Vec<&str> = rows.unread.iter().map(String::as_str).collect();
         let note = || Statement::new("columns not read", listed(&unread), StatementSource::File);
-        let notes = if unread.is_empty() { Vec::new() } else { vec![note()] };
+        let (rest, mut notes) = rows.lines.rest(&channels);
+        notes.extend((!unread.is_empty()).then(note));
         let per_second = rows.per_second;
-        let about = About { ids, channels, width, has_times: true, per_second, notes, ..About::default() };
+        let about =
+            About { ids, channels, width, has_times: true, per_second, rest, notes, ..About::default() };
         Ok(Some((Self { rows, columns, ahead }, about)))
     }
 

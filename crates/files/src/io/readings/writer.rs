@@ -20,13 +20,15 @@ use crate::skin::{PatchId, Presence, Taxels};
 ///
 /// The table has the columns `time` in s, if frames have times, and `ID.CHANNEL` for each taxel that is present and each channel, as
 /// `17.force`; a taxel without a reading has `NaN`. The arrays are `values` `(T, N)`, of several channels `(T, N, C)`,
-/// `timestamps` `(T,)` if frames have times, `ids` `(N,)`, the texts `channels` and `units`, and what is [known at rest](Self::state_rest). Where taxels share an id, all taxels
+/// `timestamps` `(T,)` if frames have times, `ids` `(N,)`, the texts `channels` and `units`, `kinds` where these do not tell the
+/// [kind](Channel::kind) of each, and what is [known at rest](Self::state_rest). Where taxels share an id, all taxels
 /// are written in their order, absent ones too, without ids: the columns of the table are `.force`.
 /// No file appears before [`ReadingsWriter::finish`]; memory does not depend on
 /// the number of frames.
 pub struct ReadingsWriter {
     taxels: Vec<(PatchId, VertexId)>,
     channels: usize,
+    is_of_touch: Vec<bool>,
     has_times: bool,
     output: Output,
     row: Vec<f64>,
@@ -89,6 +91,16 @@ impl ReadingsWriter {
                         "a name without a digit first and without separators, quotes and brackets, or a .npz";
                     return Err(unfit(path, "channel", format!("{:?}", channel.name), needed));
                 }
+                let mut names = HashSet::new();
+                if let Some(channel) = channels.iter().find(|channel| !names.insert(&channel.name)) {
+                    let needed = "a name of its own for each channel";
+                    return Err(unfit(path, "channel", format!("{:?} twice", channel.name), needed));
+                }
+                if let Some(channel) = channels.iter().find(|channel| !channel.is_usual()) {
+                    let found = format!("{:?}, of the kind {}", channel.name, channel.kind);
+                    let needed = "a kind that name and unit tell, or a .npz";
+                    return Err(unfit(path, "channel", found, needed));
+                }
                 let id = |column| ids.get(column).map_or(String::new(), u32::to_string);
                 let name = |column, Channel { name, unit, .. }: &Channel| match unit.as_str() {
                     "" => format!("{}.{name}", id(column)),
@@ -114,24 +126,48 @@ impl ReadingsWriter {
                     channels.iter().map(|channel| (channel.name.clone(), channel.unit.clone())).unzip();
                 writer.constant("channels", &[names.len()], Elements::Text(&names))?;
                 writer.constant("units", &[units.len()], Elements::Text(&units))?;
+                if !channels.iter().all(Channel::is_usual) {
+                    let kinds: Vec<String> =
+                        channels.iter().map(|channel| channel.kind.to_string()).collect();
+                    writer.constant("kinds", &[kinds.len()], Elements::Text(&kinds))?;
+                }
                 Output::Arrays { writer, times, values }
             }
             _ => return Err(IoError::UnknownKind { path: path.into(), known: ".csv, .npz" }),
         };
-        Ok(Self { taxels, channels: channels.len(), has_times, output, row: Vec::new() })
+        let is_of_touch = channels.iter().map(|channel| channel.kind.is_of_touch()).collect();
+        Ok(Self { taxels, channels: channels.len(), is_of_touch, has_times, output, row: Vec::new() })
     }
 
-    /// States what is known of the readings where nothing touches, before the first frame. A table cannot state it.
+    /// States what is known of the readings where nothing touches, before the first frame: arrays of an `.npz`, lines with `#`
+    /// above the names of a table, which states it of all channels of touch or of none.
     ///
     /// # Errors
-    /// If the disk is full.
-    pub fn state_rest(&mut self, rest: KnownRest) -> Result<(), IoError> {
-        if let Output::Arrays { writer, .. } = &mut self.output {
-            if rest.is_zero {
-                writer.constant(REST[0], &[], Elements::U32(&[1]))?;
+    /// If it is known of some channels that measure touches and not of others, in a table; or the disk is full.
+    pub fn state_rest(&mut self, rest: &KnownRest) -> Result<(), IoError> {
+        let KnownRest { is_zero, threshold } = rest;
+        let is_any = is_zero.contains(&true);
+        let is_all = self.is_of_touch.iter().enumerate().all(|(k, of_touch)| !of_touch || rest.is_zero_in(k));
+        match &mut self.output {
+            Output::Arrays { writer, .. } => {
+                if is_any && is_all {
+                    writer.constant(REST[0], &[], Elements::U32(&[1]))?;
+                } else if is_any {
+                    let flags: Vec<u32> = (0..self.channels).map(|k| u32::from(rest.is_zero_in(k))).collect();
+                    writer.constant(REST[0], &[flags.len()], Elements::U32(&flags))?;
+                }
+                if let Some(threshold) = threshold {
+                    writer.constant(REST[1], &[], Elements::F64(&[*threshold]))?;
+                }
             }
-            if let Some(threshold) = rest.threshold {
-                writer.constant(REST[1], &[], Elements::F64(&[threshold]))?;
+            Output::Table(table) => {
+                if is_any && !is_all {
+                    let needed = "all channels that measure touches about 0 at rest, or none; or a .npz";
+                    return Err(unfit(table.path(), "channels", "some that are about 0 at rest", needed));
+                }
+                let tared = is_any.then(|| format!("# {}: 1\n", REST[0]));
+                let threshold = threshold.map(|x| format!("# {}: {x}\n", REST[1]));
+                table.put_first(&(tared.unwrap_or_default() + &threshold.unwrap_or_default()));
             }
         }
         Ok(())

@@ -10,13 +10,15 @@ use crate::io::arrays::rows::{ArrayRows, MAX_WHOLE};
 use crate::io::file::invalid;
 use crate::io::file::times::time_column;
 use crate::io::layout::{Layout, StreamFacts, TimeUnit};
-use crate::io::readings::arrays::ids_of;
+use crate::io::readings::arrays::{REST, ids_of, read_rest};
 use crate::io::streams::frames::{FileTime, Frames, OpenStream, Wanted};
+use crate::signal::Channel;
 
 struct Arrays {
     path: PathBuf,
     values: Values,
     times: ArrayTimes,
+    zeros: Zeros,
     /// Frames of an episode, and the episodes that are read.
     frames: usize,
     episodes: std::ops::Range<usize>,
@@ -31,6 +33,15 @@ enum ArrayTimes {
     /// Those of all episodes, or of each the same.
     Whole(Vec<FileTime>),
     None,
+}
+
+/// Zeros that are not one for all frames.
+enum Zeros {
+    None,
+    /// Beside each frame, and those of the frame that was read last.
+    Frames(Values, Vec<f64>),
+    /// Of each episode, and how many there are in one.
+    Episodes(Vec<f64>, usize),
 }
 
 enum Values {
@@ -70,7 +81,21 @@ pub(super) fn open(path: &Path, wanted: Wanted<'_>) -> Result<OpenStream, IoErro
     }
     let place = wanted.choose(path, &streams)?;
     let (array, (stream, cells)) = (candidates[place], streams.swap_remove(place));
-    let mut facts = StreamFacts { stream, cells, ..StreamFacts::default() };
+    let sides = array.header.shape.len();
+    if sides <= axis.max(episode_axis.unwrap_or(0)) {
+        let needed = match wanted.layout {
+            Some(layout) => format!(
+                "{} axes, {:?}, as {} states",
+                layout.axes().len(),
+                layout.axes(),
+                layout.name().display()
+            ),
+            None => "frames along the first axis".to_owned(),
+        };
+        return Err(invalid(path, "axes", format!("{} axes, {}", sides, array.header.describe()), needed));
+    }
+    let has_halves = array.header.elements.is_real() && array.header.elements.size() == 2;
+    let mut facts = StreamFacts { stream, cells, has_halves, ..StreamFacts::default() };
     let side = |axis: usize| array.header.shape.get(axis).copied().unwrap_or(0);
     let frames = side(axis);
     let count = usize::try_from(episode_axis.map_or(1, side)).unwrap_or(usize::MAX);
@@ -94,18 +119,37 @@ pub(super) fn open(path: &Path, wanted: Wanted<'_>) -> Result<OpenStream, IoErro
         let usual = (has_rate && times.header.elements.is_real()).then_some(TimeUnit::Seconds);
         facts.time_unit = unit.or(usual);
     }
+    let mut zeros = Zeros::None;
+    let is_list = |array: &StoredArray| {
+        let elements = array.header.elements;
+        elements.is_read()
+            && !elements.is_number()
+            && array.header.shape.len() == 1
+            && array.header.shape[0] > 0
+    };
     if let Some(name) = wanted.layout.and_then(Layout::zero_stream) {
-        facts.zero = named(name).map(|array| read_zero(path, array, &facts.cells)).transpose()?;
+        let place = Place {
+            values: array,
+            axis,
+            episode_axis,
+            missing: wanted.layout.map_or(Vec::new(), |l| l.missing_numbers()),
+        };
+        if let Some(array) = named(name) {
+            let zero;
+            (zero, zeros) = place.zeros(path, array, &facts.cells)?;
+            facts.zero = Some(zero);
+        }
     }
-    let units = named("units").filter(|units| {
-        let elements = units.header.elements;
-        elements.is_read() && !elements.is_number()
-    });
-    if let Some(units) = units
-        && let [count] = units.header.shape[..]
-        && count > 0
-    {
-        facts.units = ArrayRows::open(path, units, count.min(64) as usize)?.texts(path)?;
+    if let Some(names) = named("channels").filter(|names| is_list(names)) {
+        facts.names = ArrayRows::open(path, names, names.header.shape[0].min(64) as usize)?.texts(path)?;
+    }
+    // As in recordings that need no layout; arrays of more than one number are about something else.
+    let number = |name: &str| named(name).filter(|array| array.header.shape.iter().all(|&side| side == 1));
+    let (rest, notes) = read_rest(path, REST.map(number), &[Channel::default()])?;
+    (facts.is_tared, facts.threshold) = (rest.is_zero_in(0), rest.threshold);
+    facts.notes.extend(notes);
+    if let Some(units) = named("units").filter(|units| is_list(units)) {
+        facts.units = ArrayRows::open(path, units, units.header.shape[0].min(64) as usize)?.texts(path)?;
     }
     if let Some(ids) = named("ids").or_else(|| named("taxel_ids")) {
         // Those of another array, as of another sensor, are not of these cells.
@@ -125,6 +169,7 @@ pub(super) fn open(path: &Path, wanted: Wanted<'_>) -> Result<OpenStream, IoErro
         path: path.into(),
         values: Values::open(path, array, axis, episode_axis)?,
         times,
+        zeros,
         frames: usize::try_from(frames).unwrap_or(usize::MAX),
         episodes,
         done: 0,
@@ -175,23 +220,61 @@ fn times_of<'a>(
     }))
 }
 
-/// The level at rest of each number of a frame: one for each, or the mean of several rows of them.
-fn read_zero(path: &Path, array: &StoredArray, cells: &[usize]) -> Result<Vec<f64>, IoError> {
-    let width: usize = cells.iter().product();
-    let count: u64 = array.header.shape.iter().product();
-    let fits =
-        array.header.elements.is_number() && width > 0 && count > 0 && count.is_multiple_of(width as u64);
-    if !fits || array.header.is_fortran {
-        let needed = format!("numbers of the shape {cells:?}, or rows of them, in C order");
-        return Err(invalid(path, array.element(), array.header.describe(), needed));
+/// Where the axes of the readings are, of which zeros may have some.
+struct Place<'a> {
+    values: &'a StoredArray,
+    axis: usize,
+    episode_axis: Option<usize>,
+    /// The numbers that stand for none.
+    missing: Vec<f64>,
+}
+
+impl Place<'_> {
+    /// The level at rest of each number of a frame: one for all frames, one beside each frame, one of each episode, or the mean
+    /// of other rows.
+    fn zeros(&self, path: &Path, array: &StoredArray, cells: &[usize]) -> Result<(Vec<f64>, Zeros), IoError> {
+        let width: usize = cells.iter().product();
+        let shape = &array.header.shape;
+        let count: u64 = shape.iter().product();
+        let is_number = array.header.elements.is_number();
+        let fits = is_number && width > 0 && count > 0 && count.is_multiple_of(width as u64);
+        let all = &self.values.header.shape;
+        let without = |axis: usize| {
+            let others = all.iter().enumerate().filter(move |(k, _)| *k != axis);
+            others.map(|(_, side)| *side).collect::<Vec<u64>>()
+        };
+        // The axes of the readings, without that of the frames.
+        let of_episodes = self.episode_axis.filter(|_| *shape == without(self.axis));
+        if fits && shape == all {
+            let values = Values::open(path, array, self.axis, self.episode_axis)?;
+            return Ok((vec![0.0; width], Zeros::Frames(values, Vec::new())));
+        }
+        if fits && let Some(axis) = of_episodes {
+            let axis = axis - usize::from(axis > self.axis);
+            let mut values = Values::open(path, array, axis, None)?;
+            let (mut rows, mut row) = (Vec::new(), Vec::new());
+            for episode in 0..usize::try_from(shape[axis]).unwrap_or(usize::MAX) {
+                values.read(path, 0, episode, &mut row, &mut Vec::new())?;
+                rows.extend_from_slice(&row);
+            }
+            return Ok((vec![0.0; width], Zeros::Episodes(rows, width)));
+        }
+        if !fits || array.header.is_fortran {
+            let needed = format!("numbers of the shape {cells:?}, or rows of them, in C order");
+            return Err(invalid(path, array.element(), array.header.describe(), needed));
+        }
+        let mut rows = ArrayRows::open(path, array, width)?;
+        let (mut sum, mut count, mut row) = (vec![0.0; width], vec![0.0; width], vec![0.0; width]);
+        while rows.read(path, &mut row)? {
+            for ((sum, count), x) in sum.iter_mut().zip(&mut count).zip(&row) {
+                if x.is_finite() && !self.missing.contains(x) {
+                    (*sum, *count) = (*sum + x, *count + 1.0);
+                }
+            }
+        }
+        // 0 / 0 is NaN: such a cell has no zero.
+        Ok((sum.iter().zip(&count).map(|(sum, count)| sum / count).collect(), Zeros::None))
     }
-    let mut rows = ArrayRows::open(path, array, width)?;
-    let (mut sum, mut row, mut count) = (vec![0.0; width], vec![0.0; width], 0.0);
-    while rows.read(path, &mut row)? {
-        sum.iter_mut().zip(&row).for_each(|(sum, x)| *sum += x);
-        count += 1.0;
-    }
-    Ok(sum.iter().map(|sum| sum / count).collect())
 }
 
 impl Values {
@@ -237,30 +320,47 @@ impl Values {
         let strides = [episode_axis.map_or(0, |axis| strides[axis]), strides[axis]];
         Ok(Self::Whole { bytes, elements: header.elements, strides, cells })
     }
+
+    /// Reads a frame, the next one of rows; false after the last one of these.
+    fn read(
+        &mut self,
+        path: &Path,
+        episode: usize,
+        frame: usize,
+        out: &mut Vec<f64>,
+        kept: &mut Vec<u8>,
+    ) -> Result<bool, IoError> {
+        match self {
+            Self::Rows(rows) => {
+                out.resize(rows.width(), f64::NAN);
+                rows.read(path, out)
+            }
+            Self::Whole { bytes, elements, strides, cells } => {
+                let size = elements.size();
+                kept.clear();
+                for cell in cells.iter() {
+                    let at = (cell + episode * strides[0] + frame * strides[1]) * size;
+                    kept.extend_from_slice(&bytes[at..at + size]);
+                }
+                out.resize(cells.len(), f64::NAN);
+                elements.numbers(kept, out);
+                Ok(true)
+            }
+        }
+    }
 }
 
 impl Frames for Arrays {
     fn read(&mut self, out: &mut Vec<f64>, time: &mut FileTime) -> Result<bool, IoError> {
         let (at, frame) = (self.done / self.frames.max(1), self.done % self.frames.max(1));
         let episode = self.episodes.start + at;
-        match &mut self.values {
-            Values::Rows(rows) => {
-                out.resize(rows.width(), f64::NAN);
-                if !rows.read(&self.path, out)? {
-                    return Ok(false);
-                }
-            }
-            Values::Whole { .. } if episode >= self.episodes.end => return Ok(false),
-            Values::Whole { bytes, elements, strides, cells } => {
-                let size = elements.size();
-                self.bytes.clear();
-                for cell in cells.iter() {
-                    let at = (cell + episode * strides[0] + frame * strides[1]) * size;
-                    self.bytes.extend_from_slice(&bytes[at..at + size]);
-                }
-                out.resize(cells.len(), f64::NAN);
-                elements.numbers(&self.bytes, out);
-            }
+        if episode >= self.episodes.end
+            || !self.values.read(&self.path, episode, frame, out, &mut self.bytes)?
+        {
+            return Ok(false);
+        }
+        if let Zeros::Frames(zeros, row) = &mut self.zeros {
+            zeros.read(&self.path, episode, frame, row, &mut self.bytes)?;
         }
         self.done += 1;
         *time = match &mut self.times {
@@ -273,6 +373,17 @@ impl Frames for Arrays {
             ArrayTimes::None => FileTime::None,
         };
         Ok(true)
+    }
+
+    fn zeros(&self) -> Option<&[f64]> {
+        match &self.zeros {
+            Zeros::None => None,
+            Zeros::Frames(_, row) => Some(row),
+            Zeros::Episodes(rows, width) => {
+                let episode = usize::try_from(self.episode()).unwrap_or(usize::MAX);
+                rows.chunks_exact(*width).nth(episode)
+            }
+        }
     }
 
     fn episodes(&self) -> u64 {

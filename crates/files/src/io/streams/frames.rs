@@ -24,6 +24,11 @@ pub(in crate::io) trait Frames: Send {
     /// Reads the next frame; false after the last one. A cell without a reading is NaN.
     fn read(&mut self, cells: &mut Vec<f64>, time: &mut FileTime) -> Result<bool, IoError>;
 
+    /// The zero of each cell of the frame that was read last, where the file has one of its own for it.
+    fn zeros(&self) -> Option<&[f64]> {
+        None
+    }
+
     /// The episode of the frame that was read last.
     fn episode(&self) -> u64 {
         0

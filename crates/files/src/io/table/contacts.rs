@@ -57,7 +57,8 @@ pub struct ContactRow {
 /// Reads contacts one by one from a table whose first line names the columns: `x,y,z` and
 /// optionally `nx,ny,nz`, `force`, `radius`, `link`, `only_link` and `time`, in any order. Cells of optional
 /// columns may be empty. A table of answers, which has columns `contact` and `frame`, has its contacts in
-/// `frame`: there `link` is the one that was touched, and is not read. Returns the names of columns that
+/// `frame`: there `link` is the one that was touched, and is not read. In a table of contacts of readings, which has a column `event`,
+/// the force of a `release` is 0. Returns the names of columns that
 /// are not read, and the contacts; errors call the table `path`.
 ///
 /// Memory does not grow with the table. After an error about a line the iterator goes on with the
@@ -73,6 +74,8 @@ pub fn read_contacts<R: Read>(path: &Path, input: R) -> Result<(Vec<String>, Con
     let is_unread = |name: &str| name == "link" && name != frame_or_link;
     let known: Vec<&str> =
         COLUMNS.into_iter().chain([frame_or_link]).filter(|name| !is_unread(name)).collect();
+    let event = columns.find("event");
+    let known: Vec<&str> = known.into_iter().chain(event.map(|_| "event")).collect();
     let unknown = columns.unused(&known);
     let position = columns.need_vector(["x", "y", "z"])?;
     let normal = columns.find_vector(["nx", "ny", "nz"])?;
@@ -87,6 +90,7 @@ pub fn read_contacts<R: Read>(path: &Path, input: R) -> Result<(Vec<String>, Con
         };
         let name = text(name);
         let (frame, link) = if is_answers { (name, None) } else { (None, name) };
+        let has_ended = |row: Row<'_>| event.is_some_and(|c| row.text(c) == "release");
         let is_off = patch.is_some_and(|c| is_off_skin(row, c, &position));
         let reach = number(radius)?;
         if let (Some(column), true) = (radius, reach.is_some_and(|r| r < 0.0)) {
@@ -95,7 +99,7 @@ pub fn read_contacts<R: Read>(path: &Path, input: R) -> Result<(Vec<String>, Con
         Ok(ContactRow {
             position: if is_off { None } else { Some(row.vector(position)?) },
             normal: normal.map_or(Ok(None), |c| row.numbers_if_any(c))?.map(DVec3::from_array),
-            force: number(force)?,
+            force: number(force)?.map(|force| if has_ended(row) { 0.0 } else { force }),
             radius: reach,
             frame,
             link,

@@ -39,8 +39,15 @@ pub fn read_joint_values(path: &Path, robot: &Robot) -> Result<JointTable> {
     // What follows another joint or does not move has no value of its own.
     let is_own = |k: &usize| robot.joints[*k].kind.has_value() && robot.joints[*k].mimic.is_none();
     let joints: Vec<usize> = (0..robot.joints.len()).filter(is_own).collect();
-    let columns = joints.iter().filter_map(|&k| Some((k, table.columns.find(&robot.joints[k].name)?)));
-    let columns: Vec<(usize, usize)> = columns.collect();
+    let names = || joints.iter().map(|&k| &*robot.joints[k].name);
+    let found = |k: &usize| {
+        let name = &*robot.joints[*k].name;
+        let column = table.columns.find(name)?;
+        // A column in another case may be that of another joint, if names differ by case alone.
+        let is_alike = |other: &str| other != name && other.eq_ignore_ascii_case(name);
+        (table.columns.is_called(column, name) || !names().any(is_alike)).then_some((*k, column))
+    };
+    let columns: Vec<(usize, usize)> = joints.iter().filter_map(found).collect();
     // A joint may be called `t`.
     let is_no_joint = |time: &TimeColumn| columns.iter().all(|(_, column)| *column != time.column);
     let time = table.columns.find_time()?.filter(is_no_joint);
@@ -88,4 +95,36 @@ pub fn write_joint_values<'v>(
         }
         Ok(())
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A column in another case is that of a joint unless another one is called so but for the case.
+    #[test]
+    fn joints_that_differ_by_case_have_columns_of_their_own() {
+        let folder = tempfile::tempdir().unwrap();
+        let [robot, table] = ["r.urdf", "j.csv"].map(|name| folder.path().join(name));
+        let joint = |name: &str, parent: &str, child: &str| {
+            format!(
+                "<joint name='{name}' type='revolute'><parent link='{parent}'/><child link='{child}'/><axis xyz='0 0 1'/>\
+                 <limit lower='-3' upper='3' effort='1' velocity='1'/></joint>"
+            )
+        };
+        let links: String = ["a", "b", "c", "d"].map(|name| format!("<link name='{name}'/>")).concat();
+        let joints = [joint("elbow", "a", "b"), joint("Elbow", "b", "c"), joint("Wrist", "c", "d")].concat();
+        std::fs::write(&robot, format!("<robot name='r'>{links}{joints}</robot>")).unwrap();
+        let robot = crate::io::read_robot(&robot).unwrap();
+        let given = |text: &str| -> Option<Vec<String>> {
+            std::fs::write(&table, text).unwrap();
+            let table = read_joint_values(&table, &robot).ok()?;
+            Some(table.given.iter().map(|&k| robot.joints[k].name.to_string()).collect())
+        };
+        assert_eq!(given("elbow\n1\n").unwrap(), ["elbow"]);
+        let mut both = given("Elbow,elbow,WRIST\n1,2,3\n").unwrap();
+        both.sort();
+        assert_eq!(both, ["Elbow", "Wrist", "elbow"]);
+        assert_eq!(given("ELBOW\n1\n"), None);
+    }
 }

@@ -359,6 +359,11 @@ impl Columns {
         if IDS.contains(&name) { IDS.into_iter().find_map(find) } else { find(name) }
     }
 
+    /// Whether a column has exactly this name.
+    pub(crate) fn is_called(&self, column: usize, name: &str) -> bool {
+        self.names.get(column).is_some_and(|known| known == name)
+    }
+
     /// The place of the column of times: `time` before other names of times.
     fn time_place(&self) -> Option<usize> {
         let is_time = |name: &str| time_column(name).is_some();

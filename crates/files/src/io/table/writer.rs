@@ -82,6 +82,15 @@ impl<W: Write> TableWriter<W> {
         self.text.splice(0..0, format!("{name},").into_bytes());
     }
 
+    /// Puts lines before the names of the columns; there is no row yet.
+    pub(crate) fn put_first(&mut self, lines: &str) {
+        self.text.splice(0..0, lines.bytes());
+    }
+
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+
     /// Appends numbers, plain down to 1e-20.
     pub(crate) fn decimals(&mut self, numbers: impl IntoIterator<Item = f64>) {
         numbers.into_iter().for_each(|x| push_decimal(&mut self.text, x, 1e-20));

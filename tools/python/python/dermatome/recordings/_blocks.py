@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -47,62 +46,30 @@ class Join:
         return made
 
 
-class Zeros:
-    """What is subtracted where the layout names a stream of zeros: one frame of it, or the frame beside each frame."""
-
-    def __init__(self, path: str, layout: Any) -> None:
-        self.path, self.name, self.each = path, layout.zero_stream, False
-        self.zero: Any = None
-        self.missing: list[Any] = json.loads(layout.text).get("missing") or []
-
-    def __call__(self, block: Any) -> Any:
-        import numpy as np
-
-        if self.name is None:
-            return block.values
-        rows, values = np.asarray(block.zero), block.values
-        if rows.shape == values.shape[1:]:
-            rows = rows[None]
-        if rows.shape[1:] != values.shape[1:]:
-            raise DataError(f"{self.path}: {self.name}: found zeros of the shape {rows.shape[1:]}; needed: {values.shape[1:]}, that of a frame")
-        stays = bool((rows == rows[0]).all())
-        if self.zero is None:
-            self.each = not stays
-            self.zero = np.zeros(rows.shape[1:]) if self.each else rows[0]
-        if self.each:
-            made = values.astype(np.result_type(values.dtype, np.float32)) - rows
-            made[np.isin(values, self.missing)] = np.nan
-            return made
-        if not stays or not np.array_equal(rows[0], self.zero, equal_nan=True):
-            raise DataError(f"{self.path}: {self.name}: found zeros that change after they stayed; needed: one zero, or one that is measured with each frame")
-        return values
-
-
 def learn_frames(decoder: Any) -> int:
     """How many frames a decoder takes at first."""
     return int(decoder.learn_frames) if decoder is not None else 1
 
 
 def learnable(blocks: Iterator[Block], learn: int) -> Iterator[Block]:
-    """The same blocks, the first of them with as many frames as a decoder learns from, or all of its episode."""
+    """The same blocks, the first of each episode with as many frames as a decoder learns from, or all of the episode."""
     import numpy as np
 
     first: list[Block] = []
-    done = False
+    begun: int | None = None
     for block in blocks:
-        if done:
-            yield block
-            continue
         if first and block.episode != first[0].episode:
             yield _merged(np, first)
+            first = []
+        if not first and block.episode == begun:
             yield block
-            done = True
             continue
+        begun = block.episode
         first.append(block)
         if sum(len(each.values) for each in first) >= learn:
             yield _merged(np, first)
-            done = True
-    if not done and first:
+            first = []
+    if first:
         yield _merged(np, first)
 
 

@@ -28,7 +28,8 @@ TOUCH = re.compile("tactile|touch|taxel|pressure|airskin|skin", re.IGNORECASE)
 class Block:
     """Some frames of an episode, as the file has them.
 
-    `times` are (T,), or None where no stream of times was asked for; `zero` likewise, (T, ...).
+    `times` are (T,), or None where no stream of times was asked for; `zero` likewise: of the shape of a frame, or (T, ...), one beside
+    each frame.
     """
 
     episode: int
@@ -53,10 +54,21 @@ class Track(ABC):
     episodes: tuple[int, ...]
     says: dict[str, Any] = field(default_factory=lambda: {})
     statements: list[tuple[str, str, str]] = field(default_factory=lambda: [])
+    # Numbers of a zero that stand for none.
+    missing: tuple[float, ...] = ()
 
     @abstractmethod
     def blocks(self, frames: int, episode: int | None = None, time: str | None = None, zero: str | None = None) -> Iterator[Block]:
         """At most `frames` frames at a time, of one episode or all, with the streams of times and zeros of these names."""
+
+    def mean_zero(self, rows: Any) -> Any:
+        """The mean of some rows of zeros, (n, ...), without those that stand for none; NaN where there is no other."""
+        import numpy as np
+
+        kind = rows.dtype if rows.dtype.kind == "f" else np.dtype(np.float64)
+        known = np.isfinite(rows) & ~np.isin(rows, np.array([*self.missing, *np.array(self.missing, kind).astype(np.float64)]))
+        sums = np.where(known, rows, 0).sum(axis=0, dtype=np.float64)
+        return np.where(known.any(axis=0), sums / np.maximum(known.sum(axis=0), 1), np.nan)
 
     def times_beside(self) -> str | None:
         """The stream of times that a file has beside the readings, if it has one."""

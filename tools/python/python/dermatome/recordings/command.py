@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
-from dermatome._readings import Readings
+from dermatome._readings import Readings, flags_of
 from dermatome.recordings import is_container
 
 if TYPE_CHECKING:
@@ -27,7 +27,8 @@ def _blocks(recording: Recording) -> Iterator[tuple[Any, ...]]:
     with recording:
         for part in recording.chunks():
             values = np.ascontiguousarray(part.values, np.float64)
-            known = (part.is_tared, part.threshold, recording.statements)
+            kinds = None if part.kinds is None else list(part.kinds)
+            known = (flags_of(part), part.threshold, recording.statements, kinds)
             ids, times = np.ascontiguousarray(part.ids, np.uint32), np.ascontiguousarray(part.timestamps, np.float64)
             yield (part.episode or 0, ids, part.channels, part.units, times, values, *known)
 

@@ -18,6 +18,7 @@ class Text:
         self.ids, self.channels, self.units, self.frames = self.file.ids, self.file.channels, self.file.units, self.file.frames
         # The number of frames is -1 where only reading all of them shows it.
         unknown = () if self.frames is not None else (-1,)
+        self.kinds: tuple[str, ...] | None = self.file.kinds
         self.streams = {name: (*unknown, *shape) for name, shape in self.file.streams.items()}
 
     @property
@@ -31,8 +32,8 @@ class Text:
         return self.file.says
 
     @property
-    def rest(self) -> tuple[bool, float | None]:
-        """Whether readings are about 0 where nothing touches, and the threshold that is stated."""
+    def rest(self) -> tuple[list[bool], float | None]:
+        """Of each channel whether readings are about 0 where nothing touches, and the threshold that is stated."""
         return self.file.rest
 
     def next(self, frames: int) -> Any:
@@ -55,6 +56,7 @@ class Arrays(Text):
     def __init__(self, path: str, read: Any) -> None:
         self.path, self.at, self.episodes, self.read = path, 0, 1, read
         self.ids, self.channels, self.units, self.frames = self.read.ids, self.read.channels, self.read.units, len(self.read)
+        self.kinds = self.read.kinds
         self.streams = {"values": self.read.values.shape}
 
     @property
@@ -66,8 +68,10 @@ class Arrays(Text):
         return {}
 
     @property
-    def rest(self) -> tuple[bool, float | None]:
-        return self.read.is_tared, self.read.threshold
+    def rest(self) -> tuple[list[bool], float | None]:
+        from dermatome._readings import flags_of
+
+        return flags_of(self.read), self.read.threshold
 
     def draft(self) -> str:
         return draft_of_array(self.path)

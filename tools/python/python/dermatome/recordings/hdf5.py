@@ -244,7 +244,7 @@ class Hdf5Track(Track):
             name, count = self.names[number], self.episodes[number]
             dataset = self.container.datasets[name]
             times = None if time is None else self._beside(time, name, count)
-            zeros: Any = None if zero is None else self.container._checked(self.container.beside(zero, name))
+            zeros, whole = (None, None) if zero is None else self._zeros(zero, name, number, count)
             valid = self._valid(name, count)
             # Whole chunks, so that none is decoded twice.
             step = self._step(dataset, frames)
@@ -255,13 +255,31 @@ class Hdf5Track(Track):
                     rows = np.where(good.reshape(-1, *[1] * (rows.ndim - 1)), rows, np.nan)
                     self.state("validity", f"{int((~good).sum())} frames of episode {number} from frame {start} on are not valid: no readings there")
                 at = None if times is None else self._read(times, slice(start, stop)).ravel()
-                rest: Any = None
+                rest: Any = whole
                 if zeros is not None:
-                    rest = self._read(zeros, ()) if zeros.shape == self.cells else self._read(zeros, slice(start, stop))
+                    rest = np.moveaxis(self._read(zeros, (slice(None),) * self.axis + (slice(start, stop),)), self.axis, 0)
                 for first in range(0, len(rows), frames):
                     part = slice(first, first + frames)
-                    own = rest if zeros is None or zeros.shape == self.cells else rest[part]
-                    yield Block(number, rows[part], None if at is None else at[part], own)
+                    yield Block(number, rows[part], None if at is None else at[part], rest if zeros is None else rest[part])
+
+    def _zeros(self, zero: str, name: str, number: int, count: int) -> tuple[Any, Any]:
+        """The dataset of zeros that has one beside each frame of an episode, or else the one zero of the episode."""
+        paths = [self.container.beside(zero, each) for each in self.names]
+        path = self.container.beside(zero, name)
+        dataset = self.container._checked(path)
+        if dataset.dtype.kind not in "biuf":
+            raise DataError(f"{self.path}: {path}: found {dataset.dtype}; needed: numbers")
+        if dataset.shape == self.cells:
+            return None, self._read(dataset, ())
+        if dataset.shape == self.container.datasets[name].shape:
+            return dataset, None
+        if dataset.shape[1:] != self.cells:
+            raise DataError(f"{self.path}: {path}: found zeros of the shape {dataset.shape}; needed: {self.cells}, that of a frame, or rows of it")
+        # One for each episode, beside all of them.
+        if len(paths) > 1 and len(set(paths)) == 1 and dataset.shape[0] == len(paths):
+            return None, self._read(dataset, number)
+        small_enough(self.path, path, dataset.shape, dataset.dtype.itemsize)
+        return None, self.mean_zero(self._read(dataset, ()))
 
     def _step(self, dataset: Any, frames: int) -> int:
         """How many frames are read at once: those of whole chunks, but not more than take some MB."""

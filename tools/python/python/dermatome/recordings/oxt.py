@@ -138,19 +138,30 @@ class ZarrTrack(Track):
         zeros = None if zero is None else self.container.array(zero, self.array.name)
         if zeros is not None:
             zeros.complete()
+            whole = self._whole_zero(zeros)
         starts = [0, *itertools.accumulate(self.episodes)]
         for number in chosen(self.path, self.episodes, episode):
             for start in range(starts[number], starts[number + 1], frames):
                 stop = min(start + frames, starts[number + 1])
                 zero_rows = None
                 if zeros is not None:
-                    zero_rows = zeros.whole() if zeros.shape == self.cells else zeros.read(start, stop)
+                    zero_rows = zeros.read(start, stop) if whole is None else whole if whole.shape == self.cells else whole[number]
                 values = self.array.read(start, stop)
                 if self.array.filled:
                     count, fill = len(self.array.filled), self.array.fill
                     self.statements = [each for each in self.statements if each[0] != "chunks"]
                     self.statements.append(("chunks", f"{count} are not stored, as chunks of one value are not: readings there are {fill}", "checked"))
                 yield Block(number, values, None if times is None else times.read(start, stop), zero_rows)
+
+    def _whole_zero(self, zeros: Any) -> Any:
+        """One zero for all frames, or one for each episode; None if there is one beside each frame."""
+        if zeros.dtype.kind not in "biuf" or zeros.shape != self.cells and zeros.shape[1:] != self.cells:
+            raise DataError(f"{zeros.where}: found zeros {zeros.dtype} {zeros.shape}; needed: numbers of the shape {self.cells}, that of a frame, or rows of it")
+        if zeros.shape == self.cells:
+            return zeros.whole()
+        if zeros.shape[0] == sum(self.episodes):
+            return None
+        return zeros.whole() if 1 < len(self.episodes) == zeros.shape[0] else self.mean_zero(zeros.whole())
 
     def times_beside(self) -> str | None:
         folder = self.array.name.rpartition("/")[0]
