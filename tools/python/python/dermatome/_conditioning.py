@@ -116,7 +116,6 @@ def condition(readings: Readings, map: Map, options: Options) -> Readings:
     if options.fill != "none":
         measured = arrays["measured"] if measured is None else arrays["measured"] & measured
     # A threshold is one of readings about zero, or of those that have another.
-    has_zero = options.zero is not None or not is_number(options.baseline) or options.baseline != 0
     same_zero = not has_zero or (of_map.is_tared and values is of_map.values)
     is_as_stated = values is of_map.values and same_zero and not gains and split is None and options.response is None and clip is None
     made = replace(
