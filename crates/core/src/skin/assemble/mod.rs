@@ -4,10 +4,13 @@
 //! `patch` makes a patch of each.
 
 mod components;
+mod orient;
 mod patch;
 pub(in crate::skin) mod zero_area;
 
 use glam::{DAffine3, DVec3};
+
+pub use orient::{Oriented, orient};
 
 use crate::mesh::FillHoles;
 use crate::skin::assemble::components::Components;
