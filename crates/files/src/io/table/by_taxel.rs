@@ -46,7 +46,8 @@ pub fn read_acuities(path: &Path, skin: &mut Skin) -> Result<Vec<String>, IoErro
         }
     })?;
     for (patch, acuities) in skin.patches.iter_mut().zip(acuities) {
-        patch.taxels.acuities = Some(acuities.map(|acuity| acuity.unwrap_or(1.0)));
+        let acuities = acuities.map(|acuity| acuity.unwrap_or(1.0));
+        patch.taxels.acuities = Some(acuities).filter(|all| all.iter().any(|acuity| *acuity != 1.0));
     }
     Ok(unused)
 }
