@@ -300,3 +300,63 @@ fn magnification_compares_patches() {
         assert!(same.iter().all(|area| (area - 0.01).abs() < 1e-9), "{same:?}");
     }
 }
+
+/// Two patches: a closed rod of long faces, which needs several attempts at its map, and a flat sheet.
+fn rod_and_sheet() -> Skin {
+    let (around, radius, height) = (40_u32, 0.02, 0.4);
+    let ring = |z: f64| {
+        (0..around).map(move |k| {
+            let angle = std::f64::consts::TAU * f64::from(k) / f64::from(around);
+            DVec3::new(radius * angle.cos(), radius * angle.sin(), z)
+        })
+    };
+    let mut triangles = Vec::new();
+    for k in 0..around {
+        let next = (k + 1) % around;
+        triangles.extend([[k, next, around + next], [k, around + next, around + k]]);
+    }
+    for k in 1..around - 1 {
+        triangles.extend([[0, k + 1, k], [around, around + k, around + k + 1]]);
+    }
+    let rod = TriMesh::from_arrays(ring(0.0).chain(ring(height)).collect(), &triangles);
+    let mut skin = Skin::from_mesh("rod", rod);
+    let mut sheet =
+        Patch::from_mesh("sheet", skin.patches[PatchId::new(0)].link, shapes::lattice(6, 6, 0.005));
+    sheet.mesh.positions.iter_mut().for_each(|p| p.x += 1.0);
+    sheet.taxels.ids.iter_mut().for_each(|id| id.0 += 1000);
+    skin.patches.push(sheet);
+    skin
+}
+
+/// How sharp one patch is changes only how large the map of another one is.
+#[test]
+fn an_acuity_of_one_patch_leaves_the_others_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let table = folder.path().join("acuity.csv");
+    fs::write(&table, "taxel_id,factor\n1001,2\n").unwrap();
+    let skin = rod_and_sheet();
+    let mut sharp = skin.clone();
+    read_acuities(&table, &mut sharp).unwrap();
+    let acuities = |k: usize| sharp.patches[PatchId::new(k)].taxels.acuities.clone();
+    assert!(acuities(0).is_none() && acuities(1).is_some());
+    // As a file that has acuities for all of them.
+    let mut all = sharp.clone();
+    let rod = &mut all.patches[PatchId::new(0)].taxels;
+    rod.acuities = Some(rod.ids.map(|_| 1.0));
+    let expected = build(&skin, &BuildOptions::default()).unwrap();
+    for skin in [sharp, all] {
+        let found = build(&skin, &BuildOptions::default()).unwrap();
+        let [expected, found] = [&expected, &found].map(|map| &map.patches[PatchId::new(0)]);
+        assert_eq!(found.levels.len(), expected.levels.len());
+        for (found, expected) in found.levels.iter().zip(&expected.levels) {
+            assert_eq!(found.opened().triangles, expected.opened().triangles);
+            let [a, b] = [found, expected].map(|level| level.distortion.symmetric_dirichlet);
+            assert!((a / b - 1.0).abs() < 1e-4, "{a} in place of {b}");
+        }
+    }
+    // One acuity for a whole skin, some of it by the default, is none.
+    let mut one = skin.clone();
+    fs::write(&table, "taxel_id,factor\n1001,1\n1002,1\n").unwrap();
+    read_acuities(&table, &mut one).unwrap();
+    assert_eq!(one, skin);
+}

@@ -93,9 +93,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
             all["modalities"] = modalities.into_iter().map(object).collect();
         }
         if let Some(robot) = &robot {
-            let values = args.joints.as_ref().map(|joints| joints.values(robot, common)).transpose()?;
-            let first = values.and_then(|values| values.rows.into_iter().next()).map(|(_, values)| values);
-            let poses = robot.poses(&first.unwrap_or_else(|| robot.joint_values(&[])));
+            let values = args.joints.as_ref().map(|joints| joints.one_pose(robot, common)).transpose()?;
+            let poses = robot.poses(&values.unwrap_or_else(|| robot.joint_values(&[])));
             all["links"] =
                 robot.links.enumerate().map(|(id, link)| link_json(robot, id, link, &poses[id])).collect();
             all["joints"] = robot.joints.iter().map(|joint| joint_json(robot, joint)).collect();

@@ -261,7 +261,7 @@ impl Args {
 
     /// The values of the joints of a robot.
     fn values(&self, robot: &Robot, common: &Common) -> anyhow::Result<JointValues> {
-        let rest = || Ok(JointValues { rows: vec![(0.0, robot.joint_values(&[]))], given: Vec::new() });
+        let rest = || Ok(JointValues::at_rest(robot));
         self.joints.as_ref().map_or_else(rest, |joints| joints.values(robot, common))
     }
 

@@ -279,3 +279,32 @@ fn bare_taxels_of_one_file_stay_beside_a_mesh_of_another() {
         assert!(patches.iter().all(|patch| patch.mesh.positions.len() == 36) && patches.len() == 2);
     }
 }
+
+/// A sheet in the frame of a palm that hangs upside down faces the same side of the world as one that does not.
+#[test]
+fn the_outside_is_that_of_the_world() {
+    let positions: Vec<DVec3> =
+        (0..48).map(|k| 0.005 * DVec3::new(f64::from(k % 8), f64::from(k / 8), 0.0)).collect();
+    let turned = DAffine3::from_quat(DQuat::from_rotation_x(PI));
+    let links = [("arm", None, turned), ("palm", Some(0_u32), turned)];
+    let links =
+        links.map(|(name, parent, pose)| Link { name: name.into(), parent: parent.map(Into::into), pose });
+    let sheet = |link: u32| Sheet {
+        name: format!("s{link}"),
+        link: Some(link.into()),
+        positions: positions.clone(),
+        ..Sheet::default()
+    };
+    let draft = Draft { links: links.to_vec().into(), sheets: vec![sheet(0), sheet(1)], ..Draft::default() };
+    for (outside, z) in [(None, 1.0), (Some(DVec3::Z), 1.0), (Some(DVec3::new(0.1, 0.0, -2.0)), -1.0)] {
+        let options = dermatome::skin::AssembleOptions { outside, ..Default::default() };
+        let skin = dermatome::skin::assemble(&draft, &options).unwrap().skin;
+        for patch in &skin.patches {
+            let pose = dermatome::skin::world_pose(&skin.links, patch.link);
+            for normal in &patch.taxels.normals {
+                let normal = pose.transform_vector3(*normal);
+                assert!((normal.z - z).abs() < 1e-12, "{outside:?}: {} faces {normal}", patch.name);
+            }
+        }
+    }
+}

@@ -5,6 +5,7 @@ use std::{path::PathBuf, sync::Arc};
 use dermatome::{
     Skin, SkinMap,
     cut::Cut,
+    id::{IdVec, VertexId},
     io::{map_hash, map_to_bytes, read_landmarks},
     pipeline::{BuildOptions, BuildRemark, Built, MagnifyOver, build_with},
     pyramid::CoarsenOptions,
@@ -229,7 +230,9 @@ fn with_acuity(skin: &Skin, acuity: &Bound<'_, PyAny>) -> PyResult<Skin> {
     let count = skin.patches.iter().map(|patch| patch.taxels.ids.len()).sum();
     let mut acuities = acuities(acuity, count)?.into_iter();
     for patch in skin.patches.iter_mut() {
-        patch.taxels.acuities = Some(acuities.by_ref().take(patch.taxels.ids.len()).collect());
+        let of_patch: IdVec<VertexId, f64> = acuities.by_ref().take(patch.taxels.ids.len()).collect();
+        // As in a table that does not name the taxels of a patch.
+        patch.taxels.acuities = Some(of_patch).filter(|all| all.iter().any(|acuity| *acuity != 1.0));
     }
     Ok(skin)
 }

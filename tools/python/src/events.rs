@@ -10,7 +10,7 @@ use dermatome::signal::{
     BodyWord, Channel, ContactTracker, Duplicates, Event, EventContact, EventDetector, EventOptions,
     EventPlace, Frame, Join, Rest, TrackerOptions, Word,
 };
-use dermatome::skin::TaxelId;
+use dermatome::skin::{TaxelId, link_named};
 use glam::DVec3;
 use numpy::PyUntypedArrayMethods;
 use pyo3::{
@@ -87,8 +87,13 @@ impl PyEventDetector {
     ) -> PyResult<Self> {
         let (of, map) = (map, &map.get().map);
         let link = |name: &str| {
-            let found = map.links.enumerate().find(|(_, link)| link.name == name).map(|(id, _)| id);
-            found.ok_or_else(|| bad("words", format!("{name:?}"), "the name of a link of the map"))
+            link_named(&map.links, name).map_err(|links| match links {
+                0 => bad("words", format!("{name:?}"), "the name of a link of the map"),
+                _ => {
+                    let found = format!("{name:?}, the name of {links} links");
+                    bad("words", found, "the name of one link of the map alone")
+                }
+            })
         };
         let words: Vec<BodyWord> = words
             .unwrap_or_default()

@@ -8,7 +8,7 @@ use dermatome::{
     mesh::is_rigid,
     pyramid::LevelId,
     signal::{Press, SignalError, Spreader},
-    skin::{LinkId, Motion, MotionFrame},
+    skin::{LinkId, Motion, MotionFrame, link_named},
 };
 use glam::{DAffine3, DMat3, DVec3};
 use numpy::{PyArray1, PyArray2, PyUntypedArrayMethods};
@@ -62,8 +62,11 @@ impl PyIndex {
     }
 
     fn link_named(&self, argument: &str, name: &str) -> PyResult<LinkId> {
-        let known = self.map().links.enumerate().find(|(_, link)| link.name == name);
-        known.map(|(id, _)| id).ok_or_else(|| {
+        link_named(&self.map().links, name).map_err(|links| {
+            if links > 1 {
+                let found = format!("{name:?}, the name of {links} links");
+                return bad(argument, found, "the name of one link of the map alone");
+            }
             let names: Vec<_> = self.map().links.iter().take(10).map(|link| link.name.as_str()).collect();
             bad(argument, format!("{name:?}"), format!("one of {names:?}"))
         })

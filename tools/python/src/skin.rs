@@ -14,8 +14,8 @@ use dermatome::{
     },
     remesh::{LeftOut, drop_crumbs, keep_outer, remesh_skin},
     skin::{
-        AssembleOptions, Draft, Link, LinkId, Patch, Presence, Remark, Sheet, TaxelId, assemble,
-        check as findings_of,
+        AssembleOptions, Draft, Link, LinkId, Oriented, Patch, Presence, Remark, Sheet, TaxelId, assemble,
+        check as findings_of, orient,
     },
 };
 use glam::{DAffine3, DVec3};
@@ -175,7 +175,7 @@ impl PySkin {
     /// repair : bool, optional
     ///     Whether faulty triangles are repaired; by default those of .stl, .dae, .3mf and .urdf files.
     /// outside : (3,) array_like, optional
-    ///     Direction of the outside of taxels without triangles and normals, of any length, without a unit.
+    ///     Direction of the outside of taxels without triangles and normals, in the world, of any length, without a unit.
     /// fill_holes : int, optional
     ///     Fill holes of at most this many edges; by default pin-holes.
     /// patches : sequence of str, optional
@@ -234,7 +234,9 @@ impl PySkin {
         let parts = ReadParts { texture: weld == "texture", ..ReadParts::default() };
         let is_chosen = patches.is_some();
         let is_robot = matches!(&paths[..], [path] if is_robot(path));
-        let (mut draft, left_out) = run(py, 0, move |_| read_drafts(&paths, parts, outer))?.map_err(error)?;
+        let outer_of = outer.then_some(options);
+        let (mut draft, left_out, oriented) =
+            run(py, 0, move |_| read_drafts(&paths, parts, outer_of))?.map_err(error)?;
         // Taxels of sensors are the skin itself.
         let are_taxels = is_robot && draft.sheets.iter().any(|sheet| sheet.triangles.is_empty());
         if outer && draft.sheets.is_empty() {
@@ -248,6 +250,7 @@ impl PySkin {
             ));
         }
         patches.map_or(Ok(()), |patterns| keep_patches(py, &mut draft, &patterns))?;
+        draft.remarks.append(&mut oriented.remarks(&draft));
         draft.scale(metres);
         let mut skin = Self::assembled(py, draft, options)?;
         skin.remarks.splice(0..0, left_out.notes()).for_each(drop);
@@ -607,13 +610,20 @@ impl PySkin {
     }
 }
 
-/// What some files hold, as one draft, and what was left out since it is not seen.
-fn read_drafts(paths: &[PathBuf], parts: ReadParts, outer: bool) -> Result<(Draft, LeftOut), IoError> {
+/// What some files hold, as one draft; with options for the outside alone what was left out since it is not seen, and
+/// what was turned over before.
+fn read_drafts(
+    paths: &[PathBuf],
+    parts: ReadParts,
+    outer: Option<AssembleOptions>,
+) -> Result<(Draft, LeftOut, Oriented), IoError> {
     let mut drafts = paths.iter().map(|path| read_draft_with(path, parts));
     let mut draft = drafts.next().transpose()?.unwrap_or_default();
     drafts.try_for_each(|other| other.map(|other| draft.append(other)))?;
-    let left_out = if outer { keep_outer(&mut draft) } else { LeftOut::default() };
-    Ok((draft, left_out))
+    let Some(options) = outer else { return Ok((draft, LeftOut::default(), Oriented::default())) };
+    let oriented = orient(&mut draft, &options);
+    let left_out = keep_outer(&mut draft);
+    Ok((draft, left_out, oriented))
 }
 
 /// The wanted spacing of the taxels of each patch, in m: a number, or one for names of links.

@@ -463,6 +463,22 @@ def test_what_outer_leaves_out_is_named(tmp_path):
     assert [r for r in skin.remarks if "finger" in r and "cannot be seen from outside, and left out" in r]
 
 
+def test_the_outside_of_bodies_that_are_wound_inside_out(tmp_path):
+    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    sides = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+    faces = np.array([face for a, b, c, d in sides for face in ([a, c, b], [a, d, c])])
+    vertices = 0.02 * np.concatenate([corners, corners * [1, 0.5, 0.5] + [1, 0, 0]])
+    lines = ["v " + " ".join(map(str, vertex)) for vertex in vertices]
+    lines += ["f " + " ".join(map(str, face + 1)) for face in np.concatenate([faces, faces + 8])]
+    (tmp_path / "cubes.obj").write_text("\n".join(lines))
+    skin = dermatome.Skin.read(tmp_path / "cubes.obj", outer=True)
+    a, b, c = skin.positions[skin.faces].transpose(1, 0, 2)
+    middle = (a + b + c) / 3
+    inner = np.clip(middle, [-0.01, -0.005, -0.005], [0.015, 0.005, 0.005])
+    assert (np.einsum("ij,ij->i", np.cross(b - a, c - a), middle - inner) > 0).all()
+    assert [remark for remark in skin.remarks if "wound against the closed surface" in remark]
+
+
 def test_fields_are_finer_where_the_acuity_is_larger():
     positions, faces = lattice(30, 30)
     acuity = np.where(positions[:, 0] < positions[:, 0].mean(), 3.0, 1.0)

@@ -336,6 +336,9 @@ fn option_help(error: &Error) -> &'static str {
             | MapError::OutsideMap { .. }
             | MapError::Crosses { .. },
         ) => "correct --regions",
+        Error::Map(MapError::SharedLink { .. }) => {
+            "name the taxels of each by a table, columns taxel_id,region"
+        }
         Error::Map(MapError::Rounded { .. }) => {
             "remesh it with --spacing, remove slivers (`dermatome check` lists them), move it near the origin of its \
              link, or leave such patches out with `dermatome build --keep-going`"

@@ -12,7 +12,7 @@ use dermatome::map::SkinMap;
 use dermatome::mesh::FillHoles;
 use dermatome::remesh::{Remeshed, keep_outer, remesh_skin};
 use dermatome::run::Run;
-use dermatome::skin::{AssembleOptions, Draft, Remark, RemarkKind, Skin, assemble};
+use dermatome::skin::{AssembleOptions, Draft, Remark, RemarkKind, Skin, assemble, orient};
 use glob::Pattern;
 use serde_json::{Value, json};
 
@@ -91,7 +91,9 @@ pub(crate) fn read_good_patches(
     let mut draft = drafts.next().transpose()?.unwrap_or_default();
     drafts.try_for_each(|other| other.map(|other| draft.append(other)))?;
     outputs::add_inputs(&draft.files, &common.outputs);
-    chosen.keep_faces(&mut draft, read.spacing.is_some(), path)?;
+    let are_chosen = read.outer || chosen.takes_faces();
+    let oriented = are_chosen.then(|| orient(&mut draft, options)).unwrap_or_default();
+    // What hides others may be among the faces that are not taken.
     if read.outer {
         keep_outer(&mut draft).notes().iter().for_each(|what| note!(common, "{what}"));
         if draft.sheets.is_empty() {
@@ -101,9 +103,11 @@ pub(crate) fn read_good_patches(
             ));
         }
     }
+    chosen.keep_faces(&mut draft, read.spacing.is_some(), path)?;
     // Patches that are not taken may be faulty. A piece of a sheet has a name of its own once it is
     // assembled.
     let sheets = select(&mut draft.sheets, &chosen.patches, |sheet| &sheet.name);
+    draft.remarks.append(&mut oriented.remarks(&draft));
     let mut assembled = assemble(&draft, options)
         .map_err(Error::from)
         .with_context(|| format!("the skin in {} cannot be used", path.display()))?;

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use dermatome::id::IdVec;
 use dermatome::remesh::clip;
-use dermatome::skin::{Draft, LinkId, Sheet, world_pose};
+use dermatome::skin::{Draft, LinkId, Sheet, link_named, world_pose};
 use glam::{DAffine3, DVec3};
 use glob::Pattern;
 
@@ -60,9 +60,16 @@ impl<T> InFrame<T> {
         let world: IdVec<LinkId, DAffine3> =
             draft.links.ids().map(|link| world_pose(&draft.links, link)).collect();
         let Some(name) = &self.link else { return Ok(world) };
-        let own = draft.links.ids().find(|&link| draft.links[link].name == *name).ok_or_else(|| {
-            let what = format!("there is no link of the name {} for --box or --facing", plain(name));
-            advise(what, "`dermatome info` lists the links")
+        let own = link_named(&draft.links, name).map_err(|links| {
+            let name = plain(name);
+            if links == 0 {
+                let what = format!("there is no link of the name {name} for --box or --facing");
+                return advise(what, "`dermatome info` lists the links");
+            }
+            let what = format!(
+                "--box or --facing in the frame of {name}, the name of {links} links; needed: the name of one link alone"
+            );
+            advise(what, "give the box or direction in the world, without the name of a link")
         })?;
         let from_world = world[own].inverse();
         Ok(world.iter().map(|pose| from_world * *pose).collect())
@@ -77,6 +84,11 @@ impl PatchArgs {
 
     pub(crate) const fn wants_materials(&self) -> bool {
         !self.materials.is_empty()
+    }
+
+    /// Whether it takes some faces of a sheet and leaves out others.
+    pub(crate) const fn takes_faces(&self) -> bool {
+        self.wants_materials() || self.bounds.is_some() || self.facing.is_some()
     }
 
     /// Keeps the faces that are chosen; where the surface is meshed anew, its rim along a box is straight.
@@ -135,8 +147,7 @@ impl PatchArgs {
             });
         }
         draft.sheets.retain(|sheet| !sheet.positions.is_empty());
-        let is_chosen = self.wants_materials() || self.bounds.is_some() || self.facing.is_some();
-        if draft.sheets.is_empty() && is_chosen {
+        if draft.sheets.is_empty() && self.takes_faces() {
             return refuse("no face is left".into(), "choose more with --material, --box or --facing");
         }
         Ok(())

@@ -36,7 +36,7 @@ pub(crate) struct ReadArgs {
     /// each is listed [default for .stl, .dae, .3mf, .urdf and .xml]
     #[arg(long)]
     repair: bool,
-    /// Direction of the outside of taxels without triangles, if the file has no normals: x, -x,
+    /// Direction of the outside of taxels without triangles in the world, if the file has no normals: x, -x,
     /// y, -y, z, -z, or three numbers X,Y,Z
     #[arg(long, value_name = "DIR", value_parser = direction, allow_hyphen_values = true, hide_short_help = true)]
     outside: Option<DVec3>,

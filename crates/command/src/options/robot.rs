@@ -1,5 +1,6 @@
 //! Which parts of a robot description are its skin, and where its files are.
 
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 use dermatome::Error;
@@ -192,7 +193,12 @@ pub(crate) fn joints(text: &str) -> Result<JointsArg, String> {
         Some((name.trim().to_owned(), value.trim().parse().ok().filter(|x: &f64| x.is_finite())?))
     };
     let pairs: Option<Vec<_>> = text.split(',').map(pair).collect();
-    pairs.map(JointsArg::Values).ok_or_else(|| "needed: FILE.csv, or NAME=VALUE,... in rad and m".into())
+    let pairs = pairs.ok_or("needed: FILE.csv, or NAME=VALUE,... in rad and m")?;
+    let mut names = HashSet::new();
+    match pairs.iter().find(|(name, _)| !names.insert(name)) {
+        Some((name, _)) => Err(format!("needed: each joint once; {name} has several values")),
+        None => Ok(JointsArg::Values(pairs)),
+    }
 }
 
 impl JointsArg {
@@ -204,9 +210,27 @@ impl JointsArg {
         common: &Common,
     ) -> anyhow::Result<Motion> {
         let robot = read_robot(path).map_err(Error::from)?;
-        let rest = || Ok(JointValues { rows: vec![(0.0, robot.joint_values(&[]))], given: Vec::new() });
+        let rest = || Ok(JointValues::at_rest(&robot));
         let values = joints.map_or_else(rest, |joints| joints.values(&robot, common))?;
         Ok(robot.motion(&values.rows, links).map_err(Error::from)?)
+    }
+
+    /// The values of all joints at one time.
+    ///
+    /// # Errors
+    /// As [`Self::values`]; also of a table with times, or several rows.
+    pub(crate) fn one_pose(&self, robot: &Robot, common: &Common) -> anyhow::Result<Vec<f64>> {
+        let JointValues { mut rows, has_times, .. } = self.values(robot, common)?;
+        let found = match (rows.len(), has_times) {
+            (1, false) => return Ok(rows.remove(0).1),
+            (1, true) => "a column of times".to_owned(),
+            (rows, _) => format!("{rows} rows"),
+        };
+        let what = format!("the table of --joints has {found}; needed: one row without a time");
+        Err(advise(
+            what,
+            "give the values of one pose; `dermatome lookup --pose` takes poses at several times",
+        ))
     }
 
     /// The values of all joints, at the times there are; prints what is beyond the limits, in an unlikely unit or not used.
@@ -218,7 +242,7 @@ impl JointsArg {
             Self::File(path) => {
                 let table = read_joint_values(path, robot).map_err(Error::from)?;
                 note_columns(path, &table.unused, common);
-                JointValues { rows: table.rows, given: table.given }
+                JointValues { rows: table.rows, given: table.given, has_times: table.has_times }
             }
             Self::Values(pairs) => {
                 let place = |(name, value): &(String, f64)| {
@@ -231,7 +255,7 @@ impl JointsArg {
                 };
                 let pairs = pairs.iter().map(place).collect::<anyhow::Result<Vec<_>>>()?;
                 let given = pairs.iter().map(|&(joint, _)| joint).collect();
-                JointValues { rows: vec![(0.0, robot.joint_values(&pairs))], given }
+                JointValues { rows: vec![(0.0, robot.joint_values(&pairs))], given, has_times: false }
             }
         };
         let beyond = values.rows.iter().flat_map(|(_, values)| robot.beyond_limits(values));
@@ -264,6 +288,15 @@ pub(crate) struct JointValues {
     pub(crate) rows: Vec<(f64, Vec<f64>)>,
     /// The joints of which values are given; the others are at 0, or follow another.
     pub(crate) given: Vec<usize>,
+    /// Whether the times are given, of a table.
+    has_times: bool,
+}
+
+impl JointValues {
+    /// All joints at 0, or where those are that they follow.
+    pub(crate) fn at_rest(robot: &Robot) -> Self {
+        Self { rows: vec![(0.0, robot.joint_values(&[]))], given: Vec::new(), has_times: false }
+    }
 }
 
 fn package(text: &str) -> Result<(String, PathBuf), String> {

@@ -19,6 +19,10 @@ pub const ABSURD: f64 = 15.0;
 #[doc(hidden)]
 pub const POOR: f64 = 6.0;
 
+/// A map with a face of a larger ratio of stretches is poor.
+#[doc(hidden)]
+pub const POOR_STRETCHES: f64 = 20.0;
+
 /// Ratios are clamped to this, so that one face without area on the map does not make a mean infinite.
 const LARGEST: f64 = 1e12;
 
@@ -70,7 +74,7 @@ impl Distortion {
     /// Whether the map is so poor that a user should be warned: the symmetric Dirichlet energy is beyond 6, or
     /// the stretches of some face beyond a ratio of 20.
     pub fn is_poor(&self) -> bool {
-        !(self.symmetric_dirichlet <= POOR && self.qc_max <= 20.0)
+        !(self.symmetric_dirichlet <= POOR && self.qc_max <= POOR_STRETCHES)
     }
 }
 

@@ -99,7 +99,7 @@ use crate::run::Run;
 use crate::skin::Taxels;
 
 pub use crossings::crossing_vertices;
-pub use distortion::{ABSURD, POOR};
+pub use distortion::{ABSURD, POOR, POOR_STRETCHES};
 pub use distortion::{Convergence, Distortion, distortion};
 pub(crate) use energy::elements::keeps_orientation;
 pub use error::FlattenError;

@@ -60,6 +60,8 @@ pub enum MapError {
     Distortion { patch: String, level: LevelId, distortion: Distortion },
     #[error("a region is called {found:?}; a name of 1 to 100 printable characters is needed")]
     RegionName { found: String },
+    #[error("region {region:?}: the name of {links} links with taxels; the name of one link alone is needed")]
+    SharedLink { region: String, links: usize },
     #[error("region {region:?}: no taxel is in it")]
     NoTaxelInRegion { region: String },
     #[error(

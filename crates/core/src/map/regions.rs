@@ -1,13 +1,13 @@
 //! Named regions of the skin: which taxels and receptive fields are in which, and regions from links and polygons.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 
 use glam::DVec2;
 
 use crate::id::{IdVec, VertexId, define_id};
 use crate::map::{MapError, PatchMap, SkinMap};
 use crate::pyramid::{LevelId, Prolongation};
-use crate::skin::{PatchId, RegionName, is_region_name, names_of};
+use crate::skin::{LinkId, PatchId, RegionName, is_region_name, names_of};
 
 define_id!(
     /// A named region of a map.
@@ -157,8 +157,17 @@ impl SkinMap {
     /// Makes each link that has a name a region of this name.
     ///
     /// # Errors
-    /// If the name of a link cannot be that of a region.
+    /// If the name of a link cannot be that of a region, or several links with taxels have it.
     pub fn set_regions_by_link(&mut self) -> Result<(), MapError> {
+        let has_taxels = |id: LinkId| self.patches.iter().any(|patch| patch.link == id);
+        let mut named: BTreeMap<&str, usize> = BTreeMap::new();
+        for (_, link) in self.links.enumerate().filter(|(id, link)| !link.name.is_empty() && has_taxels(*id))
+        {
+            *named.entry(&link.name).or_default() += 1;
+        }
+        if let Some((name, &links)) = named.iter().find(|(_, links)| **links > 1) {
+            return Err(MapError::SharedLink { region: (*name).to_owned(), links });
+        }
         for (id, link) in self.links.clone().enumerate().filter(|(_, link)| !link.name.is_empty()) {
             let on_link = self.patches.enumerate().filter(|(_, patch)| patch.link == id);
             let taxels: Vec<_> =

@@ -49,6 +49,16 @@ pub fn link_names(links: &IdVec<LinkId, Link>) -> IdVec<LinkId, String> {
     links.enumerate().map(name).collect()
 }
 
+/// The link of a name; otherwise how many links have it, none or several.
+#[doc(hidden)]
+pub fn link_named(links: &IdVec<LinkId, Link>, name: &str) -> Result<LinkId, usize> {
+    let mut named = links.enumerate().filter(|(_, link)| link.name == name).map(|(id, _)| id);
+    match (named.next(), named.count()) {
+        (Some(link), 0) => Ok(link),
+        (first, others) => Err(usize::from(first.is_some()) + others),
+    }
+}
+
 /// Adds the links of another file, and returns what each is then: one that was there if name, parent and pose are equal
 /// it has a name or is `moved` in neither file; each of those is at most one of the others. Panics if a parent is no
 /// earlier link.

@@ -48,10 +48,12 @@ mod weld;
 mod taxels;
 
 pub use crate::numeric::Covariance;
-pub use assemble::{AssembleOptions, Assembled, assemble};
+pub use assemble::{AssembleOptions, Assembled, Oriented, assemble, orient};
 pub use check::{Elements, Finding, FindingKind, Severity, check};
 pub use draft::{Draft, Sheet};
 pub use error::SkinError;
+#[doc(hidden)]
+pub use link::link_named;
 pub use link::named_links;
 pub use link::{Link, LinkId, link_names, world_pose};
 pub use modality::{Modalities, NAMES_OF_MODALITIES, Presence, THERMAL, TOUCH, are_modalities};

@@ -93,9 +93,14 @@ impl Skin {
     /// The skin without its acuities if there is one for all of its taxels, since only ratios matter.
     #[doc(hidden)]
     pub fn without_even_acuities(&self) -> Option<Self> {
-        let acuities = || self.patches.iter().map(|patch| patch.taxels.acuities.as_ref());
-        let first = acuities().next()??.first().copied();
-        let is_even = acuities().all(|all| all.is_some_and(|all| all.iter().all(|x| Some(*x) == first)));
+        let acuities = || {
+            self.patches.iter().flat_map(|patch| {
+                let all = patch.taxels.acuities.as_ref();
+                patch.taxels.ids.ids().map(move |v| all.map_or(1.0, |all| all[v]))
+            })
+        };
+        let has_some = self.patches.iter().any(|patch| patch.taxels.acuities.is_some());
+        let is_even = has_some && acuities().zip(acuities().skip(1)).all(|(a, b)| a == b);
         is_even.then(|| {
             let mut skin = self.clone();
             skin.patches.iter_mut().for_each(|patch| patch.taxels.acuities = None);

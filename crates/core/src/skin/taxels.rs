@@ -177,7 +177,8 @@ impl From<&TriMesh> for Taxels {
 
 impl Taxels {
     /// The acuities; `None` where all are equal, since only ratios matter.
-    pub(crate) fn relative_acuities(&self) -> Option<&IdVec<VertexId, f64>> {
+    #[doc(hidden)]
+    pub fn relative_acuities(&self) -> Option<&IdVec<VertexId, f64>> {
         self.acuities.as_ref().filter(|all| all.iter().any(|x| Some(x) != all.first()))
     }
 

@@ -69,10 +69,12 @@ pub(super) fn attempts(patch: &Patch, options: &BuildOptions) -> Vec<Attempt> {
     attempts
 }
 
-/// Whether areas change on purpose, so that its energy does not judge a map.
-fn is_magnified(taxels: &Taxels, options: &BuildOptions) -> bool {
-    taxels.acuities.is_some()
-        || matches!(options.flatten.method, Method::Intrinsic { magnify, .. } if magnify != 0.0)
+/// Whether areas of a patch change on purpose, so that its energy does not judge a map.
+pub(super) fn is_magnified(taxels: &Taxels, options: &BuildOptions) -> bool {
+    match options.flatten.method {
+        Method::Intrinsic { magnify, .. } => magnify != 0.0 || taxels.relative_acuities().is_some(),
+        Method::Linear { .. } | Method::Conformal => false,
+    }
 }
 
 /// Symmetric Dirichlet energy of the finest level of a map; infinite without one, and 0 where areas change on purpose.

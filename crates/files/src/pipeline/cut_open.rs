@@ -67,6 +67,7 @@ pub(super) fn stays_whole(
 
 /// Cuts a mesh open where trial maps show that this is needed or pays; `None` if it is mapped uncut.
 /// Seams prefer skin that faces `side`, a unit vector; `whole` is the pyramid of the uncut mesh, if it is made already.
+/// With a limit of area ratios also returns the one that the cut was judged by.
 /// Fails if the mesh is not an oriented manifold in one piece, or not a disk with holes after the cut.
 pub(super) fn cut_open(
     mesh: &TriMesh,
@@ -75,11 +76,11 @@ pub(super) fn cut_open(
     side: Option<DVec3>,
     options: &BuildOptions,
     run: Run<'_>,
-) -> Result<Option<CutMesh>, Error> {
+) -> Result<(Option<CutMesh>, Option<f64>), Error> {
     let BuildOptions { cut, .. } = options;
     cut.validate()?;
     if *cut == Cut::None {
-        return Ok(None);
+        return Ok((None, None));
     }
     let costs = seam_costs(taxels, side);
     let level = decided_level(mesh, taxels, whole, run)?;
@@ -97,7 +98,7 @@ pub(super) fn cut_open(
             Some(level) => decide(&level.mesh, of_level.as_ref(), cut, &map),
         };
         run.check()?;
-        return Ok(made(&decided?, level.as_deref())?);
+        return Ok((made(&decided?, level.as_deref())?, None));
     };
     let judged = |cut: &Option<CutMesh>| area_ratio(mesh, taxels, cut.as_ref(), options, run);
     let mut search = RatioSearch { limit, judged: &judged, best: None };
@@ -110,7 +111,7 @@ pub(super) fn cut_open(
         with_falling_ratios(mesh, costs.as_ref(), &map, consider)?;
     }
     run.check()?;
-    Ok(search.best.and_then(|(_, cut)| cut))
+    Ok(search.best.map_or((None, None), |(ratio, cut)| (cut, Some(ratio))))
 }
 
 /// Of the cuts that are shown, in an order that does not depend on the limit, the one with the least area ratio up to the
@@ -177,7 +178,7 @@ mod tests {
         let mesh = TriMesh::from_arrays(corners, &[[1, 0, 2], [2, 0, 3], [2, 3, 1], [1, 3, 0]]);
         let taxels = Taxels::from(&mesh);
         let cut = cut_open(&mesh, &taxels, None, None, &BuildOptions::default(), Run::default()).unwrap();
-        let opened = Adjacency::new(&cut.unwrap().mesh(&mesh.positions)).unwrap();
+        let opened = Adjacency::new(&cut.0.unwrap().mesh(&mesh.positions)).unwrap();
         assert_eq!((opened.euler_characteristic(), opened.boundary_loops().len()), (1, 1));
     }
 }

@@ -47,7 +47,7 @@ use crate::flatten::{Boundary, patch_scales};
 use crate::id::{IdVec, VertexId};
 use crate::io::{IoError, Outputs, read_draft, write_images, write_map};
 use crate::map::{PatchMap, SkinMap};
-use crate::pipeline::attempts::{SAME, attempts, energy, is_better, keep_held};
+use crate::pipeline::attempts::{SAME, attempts, energy, is_better, is_magnified, keep_held};
 use crate::pipeline::coarsened::{Coarsened, Flattened};
 use crate::pipeline::cut_open::{cut_open, stays_whole};
 use crate::pipeline::options::Numbers;
@@ -102,6 +102,9 @@ pub struct Built {
     pub left_out: IdVec<PatchId, usize>,
     /// Which patches have a map by the symmetric Dirichlet energy, since the default energy gave none or an absurd one.
     pub by_dirichlet: IdVec<PatchId, bool>,
+    /// With [`Cut::AreaRatio`], the largest area ratio of each patch's map without acuities and magnification, where these
+    /// change areas on purpose: that is what its cut was judged by.
+    pub unmagnified_ratios: IdVec<PatchId, Option<f64>>,
     /// Why each patch that is not in the map could not be mapped; see [`BuildOptions::keep_going`].
     pub failed: Vec<Error>,
     /// The pixels, if they had to be larger than 1 mm.
@@ -160,8 +163,9 @@ fn build_for(skin: &Skin, options: &BuildOptions, numbers: Numbers, run: Run<'_>
         let left_out = keep_held(&mut map, options, numbers)?;
         Ok((map, left_out))
     };
-    let maps = each_patch(Stage::Flatten, jobs, run, |((patch, pyramid), scale)| {
+    let maps = each_patch(Stage::Flatten, jobs, run, |((patch, (pyramid, ratio)), scale)| {
         let mut best = map_one(patch, pyramid, scale, options);
+        let ratio = ratio.filter(|_| is_magnified(&patch.taxels, options));
         let (mut is_by_dirichlet, mut settled) = (false, None);
         for attempt in attempts(patch, options) {
             run.check()?;
@@ -169,7 +173,7 @@ fn build_for(skin: &Skin, options: &BuildOptions, numbers: Numbers, run: Run<'_>
                 continue;
             }
             let pyramid = coarsen_patch(patch, &[], side(patch), &attempt.options, run);
-            let made = pyramid.and_then(|pyramid| map_one(patch, pyramid, scale, &attempt.options));
+            let made = pyramid.and_then(|(pyramid, _)| map_one(patch, pyramid, scale, &attempt.options));
             // Where another seam ends at the same energy, another pyramid does so too.
             let ratio = energy(&made, patch, options) / energy(&best, patch, options);
             if (ratio - 1.0).abs() < SAME {
@@ -179,12 +183,13 @@ fn build_for(skin: &Skin, options: &BuildOptions, numbers: Numbers, run: Run<'_>
                 (best, is_by_dirichlet) = (made, attempt.is_by_dirichlet);
             }
         }
-        best.map(|(map, left_out)| (map, (left_out, is_by_dirichlet))).map_err(|e| e.in_patch(&patch.name))
+        best.map(|(map, left_out)| (map, Made { left_out, is_by_dirichlet, ratio }))
+            .map_err(|e| e.in_patch(&patch.name))
     });
     run.check()?;
     let maps = good(maps, options, &mut failed)?;
     let flattened_in = start.elapsed() - coarsened_in;
-    let (patches, mut made): (Vec<_>, Vec<(usize, bool)>) = maps.into_iter().unzip();
+    let (patches, mut made): (Vec<_>, Vec<Made>) = maps.into_iter().unzip();
     let (links, animations) = (named_links(&skin.links), skin.animations.clone());
     let mut map = SkinMap { links, patches: patches.into(), animations, ..SkinMap::default() };
     let enlarged = match (options.pixel, numbers) {
@@ -193,30 +198,49 @@ fn build_for(skin: &Skin, options: &BuildOptions, numbers: Numbers, run: Run<'_>
     };
     map.find_body(options.across);
     let map = Arc::new(map);
-    let (left_out, by_dirichlet): (Vec<_>, Vec<_>) = made.into_iter().unzip();
-    let (left_out, by_dirichlet) = (left_out.into(), by_dirichlet.into());
-    Ok(Built { map, coarsened_in, flattened_in, left_out, by_dirichlet, failed, enlarged })
+    let left_out = made.iter().map(|made| made.left_out).collect();
+    let by_dirichlet = made.iter().map(|made| made.is_by_dirichlet).collect();
+    let unmagnified_ratios = made.iter().map(|made| made.ratio).collect();
+    Ok(Built {
+        map,
+        coarsened_in,
+        flattened_in,
+        left_out,
+        by_dirichlet,
+        unmagnified_ratios,
+        failed,
+        enlarged,
+    })
 }
 
-/// Gives a map larger pixels where its images would have too many. `made` is, for each patch, how many levels it was made
-/// without, and by which energy. A patch whose map the 32-bit numbers of its file
+/// How the map of a patch was made.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+struct Made {
+    /// How many levels it was made without.
+    left_out: usize,
+    is_by_dirichlet: bool,
+    /// As [`Built::unmagnified_ratios`].
+    ratio: Option<f64>,
+}
+
+/// Gives a map larger pixels where its images would have too many. `made` is of each patch. A patch whose map the 32-bit numbers of its file
 /// cannot hold with these pixels fails as any other.
 fn enlarge_pixels(
     map: &mut SkinMap,
-    made: &mut Vec<(usize, bool)>,
+    made: &mut Vec<Made>,
     options: &BuildOptions,
     failed: &mut Vec<Error>,
 ) -> Result<Option<Enlarged>, Error> {
     let Some(pixel_mm) = fitting_pixel(map) else { return Ok(None) };
     let pixels = pixels_of(map);
-    let patches: Vec<(PatchMap, (usize, bool))> =
+    let patches: Vec<(PatchMap, Made)> =
         std::mem::take(&mut map.patches).into_iter().zip(std::mem::take(made)).collect();
     let enlarged: Vec<_> = patches
         .into_par_iter()
-        .map(|(mut patch, (left_out, by_dirichlet))| {
+        .map(|(mut patch, made)| {
             patch.levels.iter_mut().for_each(|level| level.set_pixel(1e-3 * pixel_mm));
             let more = keep_held(&mut patch, options, Numbers::F32).map_err(|e| e.in_patch(&patch.name))?;
-            Ok((patch, (left_out + more, by_dirichlet)))
+            Ok((patch, Made { left_out: made.left_out + more, ..made }))
         })
         .collect();
     let (patches, kept): (Vec<_>, Vec<_>) = good(enlarged, options, failed)?.into_iter().unzip();
@@ -235,13 +259,14 @@ fn given_seams(skin: &Skin, cut: &Cut) -> Result<IdVec<PatchId, Vec<[VertexId; 2
     })
 }
 
+/// The pyramid of a patch, and the area ratio that its cut was judged by.
 fn coarsen_patch(
     patch: &Patch,
     seam: &[[VertexId; 2]],
     side: Option<DVec3>,
     options: &BuildOptions,
     run: Run<'_>,
-) -> Result<Coarsened, Error> {
+) -> Result<(Coarsened, Option<f64>), Error> {
     let Patch { mesh, taxels, .. } = patch;
     let BuildOptions { cut, flatten, .. } = options;
     let may_stay = !matches!(cut, Cut::AreaRatio(_)) && is_plain_disk(mesh);
@@ -251,15 +276,16 @@ fn coarsen_patch(
         [] if may_stay => Some(coarsen(mesh, taxels, &options.coarsen, run)?),
         _ => None,
     };
-    let cut = match (&whole, seam) {
-        (Some(whole), _) if is_uncut || stays_whole(mesh, taxels, whole, run)? => None,
+    let (cut, ratio) = match (&whole, seam) {
+        (Some(whole), _) if is_uncut || stays_whole(mesh, taxels, whole, run)? => (None, None),
         (whole, []) => cut_open(mesh, taxels, whole.as_ref(), side, options, run)?,
-        (_, edges) => Some(cut_along(mesh, edges, &taxels.ids)?),
+        (_, edges) => (Some(cut_along(mesh, edges, &taxels.ids)?), None),
     };
-    Ok(match (cut, whole) {
+    let coarsened = match (cut, whole) {
         (None, Some(whole)) => Coarsened::Whole(whole),
         (cut, _) => Coarsened::new(mesh, taxels, cut.as_ref(), &options.coarsen, run)?,
-    })
+    };
+    Ok((coarsened, ratio))
 }
 
 /// The map of a patch, `scale` times as long as the skin; not measured.
@@ -385,14 +411,16 @@ mod tests {
         level.uv.iter_mut().for_each(|at| at.x = -at.x);
         let enlarge = |keep_going: bool| {
             let options = BuildOptions { keep_going, ..BuildOptions::default() };
-            let (mut map, mut made, mut failed) = (map.clone(), vec![(0, false), (1, true)], Vec::new());
+            let made_by = |left_out, is_by_dirichlet| Made { left_out, is_by_dirichlet, ratio: None };
+            let mut made = vec![made_by(0, false), made_by(1, true)];
+            let (mut map, mut failed) = (map.clone(), Vec::new());
             let enlarged = enlarge_pixels(&mut map, &mut made, &options, &mut failed);
             (enlarged, map, made, failed)
         };
         let (enlarged, map, made, failed) = enlarge(true);
         assert!(enlarged.unwrap().is_some_and(|enlarged| enlarged.pixel_mm > 1.0));
         assert_eq!(map.patches.iter().map(|patch| &*patch.name).collect::<Vec<_>>(), ["b"]);
-        assert_eq!(made, [(1, true)]);
+        assert_eq!(made, [Made { left_out: 1, is_by_dirichlet: true, ratio: None }]);
         assert!(failed.len() == 1 && failed[0].to_string().contains("\"a\""), "{failed:?}");
         let (enlarged, ..) = enlarge(false);
         assert!(enlarged.unwrap_err().to_string().contains("\"a\""));
@@ -410,7 +438,7 @@ mod tests {
             let patch = &Skin::from_mesh("skin", mesh.clone()).patches[PatchId::new(0)];
             let options = BuildOptions::default();
             let cut = cut_open(&patch.mesh, &patch.taxels, None, None, &options, Run::default());
-            let cut = cut.unwrap().unwrap();
+            let cut = cut.unwrap().0.unwrap();
             let few = CoarsenOptions { coarsest: 20, ..CoarsenOptions::default() };
             let made = coarsen_cut(&mesh, &patch.taxels, &cut, &few, Run::default()).unwrap();
             made.pyramid.validate().unwrap();

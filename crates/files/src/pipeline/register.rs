@@ -5,10 +5,10 @@ use std::sync::Arc;
 use crate::Error;
 use crate::pipeline::attempts::keep_held;
 use crate::pipeline::options::{BuildOptions, Numbers};
-use crate::pipeline::{Built, enlarge_pixels};
+use crate::pipeline::{Built, Made, enlarge_pixels};
 use crate::registration::{Onto, Registered, register};
 use crate::run::Run;
-use crate::skin::Skin;
+use crate::skin::{PatchId, Skin};
 
 impl Built {
     /// Draws the map, which was built of this skin with these options, on that of another skin ([`register`]). Patches
@@ -24,12 +24,13 @@ impl Built {
         run: Run<'_>,
     ) -> Result<Registered, Error> {
         let mut map = (*self.map).clone();
-        let before: Vec<(String, (usize, bool))> = map
-            .patches
-            .iter()
-            .zip(self.left_out.iter().zip(&self.by_dirichlet))
-            .map(|(patch, (&left_out, &by_dirichlet))| (patch.name.clone(), (left_out, by_dirichlet)))
-            .collect();
+        let made_of = |id: PatchId| Made {
+            left_out: self.left_out[id],
+            is_by_dirichlet: self.by_dirichlet[id],
+            ratio: self.unmagnified_ratios[id],
+        };
+        let before: Vec<(String, Made)> =
+            map.patches.enumerate().map(|(id, patch)| (patch.name.clone(), made_of(id))).collect();
         let mut registered = register(&mut map, onto, run)?;
         let mut made = Vec::new();
         for patch in map.patches.iter_mut() {
@@ -40,8 +41,8 @@ impl Built {
             }
             let more = keep_held(patch, options, Numbers::F32).map_err(|e| e.in_patch(&patch.name))?;
             let known = before.iter().find(|(name, _)| *name == patch.name).map(|(_, made)| *made);
-            let (left_out, by_dirichlet) = known.unwrap_or_default();
-            made.push((left_out + more, by_dirichlet));
+            let known = known.unwrap_or_default();
+            made.push(Made { left_out: known.left_out + more, ..known });
         }
         if options.pixel.is_none()
             && let Some(enlarged) = enlarge_pixels(&mut map, &mut made, options, &mut self.failed)?
@@ -51,8 +52,9 @@ impl Built {
         registered.patches.retain(|on| map.patches.iter().any(|patch| patch.name == on.name));
         map.find_body(options.across);
         self.map = Arc::new(map);
-        let (left_out, by_dirichlet): (Vec<_>, Vec<_>) = made.into_iter().unzip();
-        (self.left_out, self.by_dirichlet) = (left_out.into(), by_dirichlet.into());
+        self.left_out = made.iter().map(|made| made.left_out).collect();
+        self.by_dirichlet = made.iter().map(|made| made.is_by_dirichlet).collect();
+        self.unmagnified_ratios = made.iter().map(|made| made.ratio).collect();
         Ok(registered)
     }
 }

@@ -3,11 +3,12 @@
 use std::fmt;
 
 use crate::cut::Cut;
-use crate::flatten::Distortion;
+use crate::flatten::{Distortion, POOR_STRETCHES};
 use crate::io::rounding_in_gltf;
+use crate::pipeline::attempts::is_magnified;
 use crate::pipeline::{BuildOptions, Built, Enlarged};
 use crate::report::{LevelReport, PatchReport, measure};
-use crate::skin::{Skin, TaxelId};
+use crate::skin::{PatchId, Skin, TaxelId};
 
 /// A face of a coarse level with a larger s1/s2 is named: no face of a level has one without needles of the skin.
 const EXTREME: f64 = 1000.0;
@@ -97,6 +98,8 @@ pub enum BuildRemark {
         patch: String,
         /// The largest area ratio of its map.
         ratio: f64,
+        /// Whether the ratio is that without acuities and magnification, which change areas on purpose.
+        is_unmagnified: bool,
         /// What was asked for.
         wanted: f64,
     },
@@ -134,10 +137,16 @@ impl Built {
         remarks.extend(others.map(|(p, _)| BuildRemark::OtherEnergy { patch: p.name.clone() }));
         remarks.extend(self.enlarged.map(BuildRemark::LargePixels));
         remarks.extend(patches.iter().filter_map(overlap));
-        remarks.extend(poor(&patches));
+        // Where areas change on purpose, the ratios of stretches alone judge a map.
+        let is_poor = |k: usize, finest: &Distortion| match self.map.patches.get(PatchId::new(k)) {
+            Some(patch) if is_magnified(&patch.taxels, options) => finest.qc_max > POOR_STRETCHES,
+            _ => finest.is_poor(),
+        };
+        remarks.extend(poor(&patches, is_poor));
         remarks.extend(patches.iter().flat_map(of_levels));
         if let Cut::AreaRatio(wanted) = options.cut {
-            remarks.extend(patches.iter().filter_map(|patch| area_ratio(patch, wanted)));
+            let ratios = patches.iter().zip(&self.unmagnified_ratios);
+            remarks.extend(ratios.filter_map(|(patch, unmagnified)| area_ratio(patch, *unmagnified, wanted)));
         }
         remarks
     }
@@ -155,9 +164,12 @@ fn overlap(patch: &PatchReport) -> Option<BuildRemark> {
     (!levels.is_empty()).then(|| BuildRemark::Overlap { patch: patch.name.clone(), levels })
 }
 
-fn poor(patches: &[PatchReport]) -> Option<BuildRemark> {
-    let finest = |patch: &PatchReport| Some((patch.name.clone(), patch.levels.first()?.distortion));
-    let mut poor: Vec<_> = patches.iter().filter_map(finest).filter(|(_, map)| map.is_poor()).collect();
+fn poor(patches: &[PatchReport], is_poor: impl Fn(usize, &Distortion) -> bool) -> Option<BuildRemark> {
+    let finest = |(k, patch): (usize, &PatchReport)| {
+        let finest = patch.levels.first()?.distortion;
+        is_poor(k, &finest).then(|| (patch.name.clone(), finest))
+    };
+    let mut poor: Vec<_> = patches.iter().enumerate().filter_map(finest).collect();
     poor.sort_by(|(_, a), (_, b)| b.symmetric_dirichlet.total_cmp(&a.symmetric_dirichlet));
     let worst = poor.first()?.1;
     Some(BuildRemark::Poor { patches: poor.into_iter().map(|(name, _)| name).collect(), worst })
@@ -176,9 +188,13 @@ fn of_levels(patch: &PatchReport) -> Vec<BuildRemark> {
     needle.into_iter().chain(short).collect()
 }
 
-fn area_ratio(patch: &PatchReport, wanted: f64) -> Option<BuildRemark> {
-    let ratio = patch.levels.first()?.distortion.area_max;
-    (ratio > wanted).then(|| BuildRemark::AreaRatio { patch: patch.name.clone(), ratio, wanted })
+fn area_ratio(patch: &PatchReport, unmagnified: Option<f64>, wanted: f64) -> Option<BuildRemark> {
+    let (ratio, is_unmagnified) = match unmagnified {
+        Some(ratio) => (ratio, true),
+        None => (patch.levels.first()?.distortion.area_max, false),
+    };
+    let name = || patch.name.clone();
+    (ratio > wanted).then(|| BuildRemark::AreaRatio { patch: name(), ratio, is_unmagnified, wanted })
 }
 
 /// The first few names, and how many there are besides.
@@ -248,10 +264,11 @@ impl fmt::Display for BuildRemark {
                 "{patch}: the map of level {level} is not at a minimum: its steps ended at a relative gradient of \
                  {gradient:.1e}"
             ),
-            Self::AreaRatio { patch, ratio, wanted } => write!(
+            Self::AreaRatio { patch, ratio, is_unmagnified, wanted } => write!(
                 f,
-                "{patch}: the largest area ratio of the map is {ratio:.4}; no cut into a map of one piece was found that \
-                 keeps {wanted}"
+                "{patch}: the largest area ratio of the map{} is {ratio:.4}; no cut into a map of one piece was found that \
+                 keeps {wanted}",
+                if *is_unmagnified { " without acuities and magnification" } else { "" }
             ),
         }
     }

@@ -23,17 +23,25 @@ pub(super) struct Components<'a> {
     pub normals: Option<IdVec<VertexId, DVec3>>,
     /// Unit tangents, zero where there is none; `None` without tangents.
     pub tangents: Option<IdVec<VertexId, DVec3>>,
-    mesh: TriMesh,
     /// The component of each face; `None` for a face that was dropped.
-    component: IdVec<FaceId, Option<usize>>,
-    count: usize,
+    pub component: IdVec<FaceId, Option<usize>>,
+    pub count: usize,
     /// Whether each face is wound against the file.
-    turned: IdVec<FaceId, bool>,
+    pub turned: IdVec<FaceId, bool>,
+    /// The number of each face in the file.
+    pub file_faces: IdVec<FaceId, FaceId>,
+    /// Faces of the file that were dropped, since an earlier one has the same corners.
+    pub duplicates: Vec<FaceId>,
+    /// For every vertex of the file the first one with its position and id.
+    pub place: IdVec<VertexId, VertexId>,
+    mesh: TriMesh,
 }
 
 /// A future patch: its taxels, numbered as in the sheet, and its faces.
 #[derive(Debug)]
 pub(super) struct Component {
+    /// As [`Components::component`] counts it.
+    pub number: usize,
     pub vertices: IdVec<VertexId, VertexId>,
     pub mesh: TriMesh,
     /// How many of its faces are wound against the file.
@@ -66,7 +74,7 @@ impl<'a> Components<'a> {
         }
         report_splits(&surface, remarks);
         let in_file = surface.mesh.positions.ids().map(|v| surface.in_file(v)).collect();
-        let WeldedMesh { mut mesh, taxel, copied, file_faces, repeated, .. } = surface;
+        let WeldedMesh { mut mesh, taxel, copied, file_faces, repeated, duplicates, place, .. } = surface;
         for (face, t) in mesh.triangles.iter_mut().enumerate() {
             if winding.reversed[FaceId::new(face)] {
                 t.swap(1, 2);
@@ -88,7 +96,19 @@ impl<'a> Components<'a> {
         let normals = sheet.normals.as_deref().map(|n| mean_directions(n, &taxel, &copied));
         let tangents = sheet.tangents.as_deref().map(|t| mean_directions(t, &taxel, &copied));
         let (turned, count) = (winding.reversed, winding.components.count);
-        let this = Self { sheet, in_file, normals, tangents, mesh, component, count, turned };
+        let this = Self {
+            sheet,
+            in_file,
+            normals,
+            tangents,
+            component,
+            count,
+            turned,
+            file_faces,
+            duplicates,
+            place,
+            mesh,
+        };
         this.report_taxels(&taxel, remarks);
         Ok(this)
     }
@@ -126,7 +146,12 @@ impl<'a> Components<'a> {
             }
         }
         let parts = separate(&self.mesh, &self.component, self.count).into_iter().zip(turned);
-        let components = parts.map(|(Part { vertices, mesh }, turned)| Component { vertices, mesh, turned });
+        let components = parts.enumerate().map(|(number, (Part { vertices, mesh }, turned))| Component {
+            number,
+            vertices,
+            mesh,
+            turned,
+        });
         components.filter(|component| !component.vertices.is_empty()).collect()
     }
 }

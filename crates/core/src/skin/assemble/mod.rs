@@ -4,10 +4,13 @@
 //! `patch` makes a patch of each.
 
 mod components;
+mod orient;
 mod patch;
 pub(in crate::skin) mod zero_area;
 
 use glam::{DAffine3, DVec3};
+
+pub use orient::{Oriented, orient};
 
 use crate::mesh::FillHoles;
 use crate::skin::assemble::components::Components;
@@ -32,7 +35,7 @@ pub struct AssembleOptions {
     /// Drop faces with the corners of an earlier one, split edges with more than two faces into solids that
     /// touch there or sheets that continue each other, and cut one-sided surfaces open.
     pub repair: bool,
-    /// The direction of the outside of bare taxels, in the frame of their link, for components whose outside
+    /// The direction of the outside of bare taxels, in the world with the links at rest, for components whose outside
     /// the file does not determine.
     pub outside: Option<DVec3>,
     /// Leave out the sheets that cannot be repaired, instead of refusing the draft.
@@ -114,10 +117,10 @@ pub struct Assembled {
 /// bare taxels cannot be joined, more than two faces meet at an edge, a sheet has only one side, or there is
 /// no face.
 pub fn assemble(draft: &Draft, options: &AssembleOptions) -> Result<Assembled, SkinError> {
+    check_links(&draft.links)?;
     let triangulated =
         if draft.has_bare() { Some(triangulate_taxels(draft, options.gap, options.outside)?) } else { None };
     let draft = triangulated.as_ref().unwrap_or(draft);
-    check_links(&draft.links)?;
     let mut assembly = Assembly::new(draft);
     for sheet in &draft.sheets {
         assembly.add(sheet, draft.links.len(), options);

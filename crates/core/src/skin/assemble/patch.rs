@@ -25,11 +25,7 @@ pub(super) fn patch_of(
     remarks: &mut Vec<RemarkKind>,
 ) -> Result<Patch, SkinError> {
     let name = components.sheet.title().to_owned();
-    let normals = components.normals.as_ref().map(|normals| {
-        let given = component.vertices.map(|&v| normals[v]);
-        let quality = NormalConsensus::of(&component.mesh, &given).quality();
-        (given, quality)
-    });
+    let normals = given_normals(components, &component);
     turn_outward(&mut component, normals.as_ref().map(|n| n.1), remarks);
     let Component { vertices, mut mesh, .. } = component;
     let own = mesh.triangles.len();
@@ -75,6 +71,18 @@ pub(super) fn patch_of(
         other => other,
     })?;
     Ok(patch)
+}
+
+/// The normals of the file on the taxels of a component, and how reliable they are.
+pub(super) fn given_normals(
+    components: &Components<'_>,
+    component: &Component,
+) -> Option<(IdVec<VertexId, DVec3>, NormalQuality)> {
+    components.normals.as_ref().map(|normals| {
+        let given = component.vertices.map(|&v| normals[v]);
+        let quality = NormalConsensus::of(&component.mesh, &given).quality();
+        (given, quality)
+    })
 }
 
 /// The tangents of the file in the tangent planes of the chosen normals; `None` if most of them are unusable.
@@ -123,11 +131,15 @@ fn count_on(next_id: &mut u32) -> TaxelId {
 }
 
 /// Turns all faces over if the component is inside out, and reports how many faces then differ from
-/// the file.
+/// the file. Whether it was inside out.
 ///
 /// The outside is where reliable normals point, else the outside of a closed surface, else that of most faces
 /// of the file.
-fn turn_outward(component: &mut Component, quality: Option<NormalQuality>, remarks: &mut Vec<RemarkKind>) {
+pub(super) fn turn_outward(
+    component: &mut Component,
+    quality: Option<NormalQuality>,
+    remarks: &mut Vec<RemarkKind>,
+) -> bool {
     let of = component.mesh.triangles.len();
     let (inside_out, outside) = match quality {
         Some(NormalQuality::Outward) => (false, OutsideFrom::Normals),
@@ -144,6 +156,7 @@ fn turn_outward(component: &mut Component, quality: Option<NormalQuality>, remar
     if component.turned > 0 {
         remarks.push(RemarkKind::Turned { faces: component.turned, of, outside });
     }
+    inside_out
 }
 
 /// The given normals where they are reliable, else those of the faces.

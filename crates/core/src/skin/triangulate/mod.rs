@@ -63,7 +63,7 @@ mod unique_points;
 
 pub(super) use unique_points::UniquePoints;
 
-use glam::DVec3;
+use glam::{DAffine3, DVec3};
 
 use crate::delaunay::smallest_first;
 use crate::id::{FaceId, IdVec, VertexId};
@@ -73,9 +73,9 @@ use crate::skin::triangulate::candidates::candidates;
 use crate::skin::triangulate::growing_mesh::GrowingMesh;
 use crate::skin::triangulate::neighbours::{Neighbours, PointCloud};
 use crate::skin::triangulate::normals::{PointNormals, orient_normals};
-use crate::skin::triangulate::orient_outward::{Outside, orient_outward};
+use crate::skin::triangulate::orient_outward::{Outside, World, orient_outward};
 use crate::skin::triangulate::repair::{attach_isolated, fill_small_holes, remove_extra_fans};
-use crate::skin::{Draft, Remark, RemarkKind, Sheet, SkinError};
+use crate::skin::{Draft, Remark, RemarkKind, Sheet, SkinError, world_pose};
 
 /// Allowed gaps: below 1 nothing is joined, and the work grows with the square.
 const GAPS: std::ops::RangeInclusive<f64> = 1.0..=20.0;
@@ -88,7 +88,7 @@ const MAX_THICKNESS: f64 = 0.25;
 const MIN_REPORTED: usize = 20;
 
 /// Joins the taxels of every bare sheet of a draft, and adds remarks on what was done. `gap` and
-/// `outside` are those of [`crate::skin::AssembleOptions`]. Fails if the gap is out of range, or the taxels
+/// `outside` are those of [`crate::skin::AssembleOptions`]; the links are valid. Fails if the gap is out of range, or the taxels
 /// of every sheet have fewer than three positions, lie in a cloud rather than on a surface, or have no
 /// triangle within the gap. Such a sheet among others is left out, with a remark.
 pub(super) fn triangulate_taxels(
@@ -109,7 +109,8 @@ pub(super) fn triangulate_taxels(
         if sheet.positions.is_empty() || !(draft.is_bare() || sheet.is_to_join()) {
             result.sheets.push(sheet.clone());
         } else {
-            match triangulate_sheet(sheet, gap, outside, &mut kinds) {
+            let pose = sheet.link.map_or(DAffine3::IDENTITY, |link| world_pose(&draft.links, link));
+            match triangulate_sheet(sheet, gap, World { outside, turn: pose.matrix3 }, &mut kinds) {
                 Ok(sheet) => result.sheets.push(sheet),
                 Err(reason) => {
                     let taxels = sheet.positions.len();
@@ -130,7 +131,7 @@ pub(super) fn triangulate_taxels(
 fn triangulate_sheet(
     sheet: &Sheet,
     gap: f64,
-    outside: Option<DVec3>,
+    world: World,
     remarks: &mut Vec<RemarkKind>,
 ) -> Result<Sheet, SkinError> {
     let patch = || sheet.title().to_owned();
@@ -151,7 +152,7 @@ fn triangulate_sheet(
     if triangles.is_empty() {
         return Err(SkinError::NoFace { patch: patch(), places });
     }
-    let outside = orient_outward(&mut triangles, positions, &normals.file, outside);
+    let outside = orient_outward(&mut triangles, positions, &normals.file, world);
     let (mut result, left_out) = sheet_of(&points, &triangles);
     if normals.refused.is_some() {
         result.normals = None;

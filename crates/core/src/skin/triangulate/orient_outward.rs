@@ -3,7 +3,7 @@
 //! *Heuristic*: normals of the file by majority, else away from the centre of the sheet, as the
 //! skin of a limb faces.
 
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 
 use crate::id::{FaceId, IdVec, VertexId};
 use crate::mesh::{face_components, triangle_cross};
@@ -22,12 +22,21 @@ pub(super) struct Outside {
     /// Components that face away from the centre.
     pub centre: usize,
     /// Components that bulge to neither side; they are turned so that the largest coordinate of their vector
-    /// area is positive.
+    /// area in the world is positive.
     pub arbitrary: usize,
     /// Normals of the file that point to the other side than most of their component.
     pub opposed: usize,
     /// Normals of the file.
     pub normals: usize,
+}
+
+/// The frame of the world, in which the outside may be given.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct World {
+    /// The direction of the outside, if it is given.
+    pub outside: Option<DVec3>,
+    /// Turns directions of the sheet into those of the world.
+    pub turn: DMat3,
 }
 
 /// Sums over the faces of one component; areas are doubled.
@@ -52,15 +61,16 @@ impl Component {
     }
 
     /// Whether its faces point inwards; counts in `outside` how this was determined.
-    fn is_inside_out(&self, direction: Option<DVec3>, outside: &mut Outside) -> bool {
+    fn is_inside_out(&self, world: World, outside: &mut Outside) -> bool {
         let normals = self.out + self.inward;
         outside.normals += normals;
         outside.opposed += self.out.min(self.inward);
         if normals > 0 && self.out.max(self.inward) as f64 >= MAJORITY * normals as f64 {
             return self.inward > self.out;
         }
-        if let Some(direction) = direction.filter(|d| d.dot(self.direction).abs() > 0.0) {
-            return direction.dot(self.direction) < 0.0;
+        let faces = world.turn * self.direction;
+        if let Some(along) = world.outside.map(|given| given.dot(faces)).filter(|along| along.abs() > 0.0) {
+            return along < 0.0;
         }
         let away = [self.from_sheet, self.from_own].map(|away| away / self.area);
         if let Some(away) = away.into_iter().find(|away| away.abs() >= MIN_DECISIVE) {
@@ -69,22 +79,22 @@ impl Component {
         }
         outside.arbitrary += 1;
         let larger = |a: f64, b: f64| if b.abs() > a.abs() { b } else { a };
-        self.direction.to_array().into_iter().fold(0.0, larger) < 0.0
+        faces.to_array().into_iter().fold(0.0, larger) < 0.0
     }
 }
 
 /// Turns over the components that are inside out, by the first rule that decides:
 ///
 /// 1. two thirds of the file's normals point outward;
-/// 2. the vector area points along `direction`, if there is one;
+/// 2. the vector area points along the outside that is given in the world, if there is one;
 /// 3. faces point away from the centre of the sheet;
 /// 4. faces point away from the centre of the component;
-/// 5. the vector area points to the positive side of its main axis.
+/// 5. the vector area points to the positive side of its main axis in the world.
 pub(super) fn orient_outward(
     triangles: &mut IdVec<FaceId, [VertexId; 3]>,
     positions: &IdVec<VertexId, DVec3>,
     file: &IdVec<VertexId, DVec3>,
-    direction: Option<DVec3>,
+    world: World,
 ) -> Outside {
     let pieces = face_components(triangles, positions.len());
     let mut components = vec![Component::default(); pieces.count];
@@ -122,7 +132,7 @@ pub(super) fn orient_outward(
     }
     let mut outside = Outside::default();
     let turn: Vec<bool> =
-        components.iter().map(|component| component.is_inside_out(direction, &mut outside)).collect();
+        components.iter().map(|component| component.is_inside_out(world, &mut outside)).collect();
     for (t, &component) in triangles.iter_mut().zip(&pieces.of) {
         if turn[component] {
             t.swap(1, 2);

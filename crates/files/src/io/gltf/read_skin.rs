@@ -26,7 +26,7 @@ use crate::skin::{Covariance, Draft, Joints, Presence, Remark, RemarkKind, Sheet
 /// `_ACUITY`, `_PRESENT` (0 absent, 1 present, 2 thermal pad, 3 another sensor), `_REGION` and `_MODALITY` (0 none, else
 /// counted from 1 in `extras.dermatome.regions` and `.modalities` of the mesh) are scalars, and belong to every primitive
 /// of a mesh or to none, as do the joints of a mesh that is skinned. Materials and morph targets are
-/// not read; a `map.glb` reads as the skin it is a map of.
+/// not read; a `map.glb` reads as the skin it is a map of, without the faces that close pin-holes.
 pub(crate) fn read_gltf(source: Source, parts: ReadParts) -> Result<Draft> {
     let stem = source.stem();
     let document = Document::new(source, Notes::new(false))?;
@@ -80,10 +80,9 @@ fn read_sheet(
     let mesh = &document.root().meshes[placement.mesh];
     check_morphs(document, placement, mesh)?;
     let mut sheet = Sheet { link: Some(placement.link), ..Sheet::default() };
-    sheet.name = match LevelExtras::of(mesh) {
-        Some(Ok(extras)) => extras.patch,
-        _ => placement.name.clone(),
-    };
+    let level = LevelExtras::of(mesh).and_then(Result::ok);
+    let filled = level.as_ref().map_or(0, |extras| extras.filled);
+    sheet.name = level.map_or_else(|| placement.name.clone(), |extras| extras.patch);
     // Where the vertices of each set of accessors start: primitives may share them all.
     let mut starts = BTreeMap::new();
     let mut points = BTreeSet::new();
@@ -127,6 +126,11 @@ fn read_sheet(
     }
     if starts.is_empty() {
         return Ok(None);
+    }
+    if let Some(of_skin) = sheet.triangles.len().checked_sub(filled).filter(|faces| *faces > 0) {
+        // The last faces of a map close pin-holes: they are no skin.
+        sheet.triangles.truncate(of_skin);
+        sheet.materials.iter_mut().for_each(|all| all.truncate(of_skin));
     }
     if shape == Shape::Points && points.len() < sheet.positions.len() {
         sheet = sheet.select(&points.into_iter().collect::<Vec<_>>());

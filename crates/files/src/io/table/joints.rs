@@ -23,6 +23,8 @@ pub struct JointTable {
     pub rows: Vec<(f64, Vec<f64>)>,
     /// The joints that have a column, as indices in [`Robot::joints`]; the others are at 0, or follow another.
     pub given: Vec<usize>,
+    /// Whether it has a column of times; the time of a row without one is 0.
+    pub has_times: bool,
     /// Names of columns that are not used.
     pub unused: Vec<String>,
 }
@@ -75,7 +77,7 @@ pub fn read_joint_values(path: &Path, robot: &Robot) -> Result<JointTable> {
         return Err(source.invalid((line, ""), BEGINS_ANEW, ONE_CLOCK));
     }
     let given = columns.iter().map(|&(k, _)| k).collect();
-    Ok(JointTable { rows, given, unused })
+    Ok(JointTable { rows, given, has_times: time.is_some(), unused })
 }
 
 /// Writes values of joints at some times (s), as [`read_joint_values`] reads them: a column `time`, and one for each of `names`.
