@@ -11,8 +11,7 @@ use crate::common::{data, npy, npy_ordered};
 use dermatome::id::VertexId;
 use dermatome::io::{
     IoError, KnownRest, Layout, ReadOptions, Readings, ReadingsColumns, ReadingsLayout, ReadingsReader,
-    ReadingsWriter,
-    read_draft, read_gains,
+    ReadingsWriter, read_draft, read_gains,
 };
 use dermatome::map::SkinMap;
 use dermatome::mesh::shapes;

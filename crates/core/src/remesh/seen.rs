@@ -242,7 +242,13 @@ impl<'a> Faces<'a> {
 
     /// How a face is seen at points of this spread, and whether some of them are seen and others not; where
     /// it is divided then, no more points are viewed.
-    fn own_view(&self, face: usize, spread: Spread, is_divided: bool, blockers: &mut Blockers) -> (View, bool) {
+    fn own_view(
+        &self,
+        face: usize,
+        spread: Spread,
+        is_divided: bool,
+        blockers: &mut Blockers,
+    ) -> (View, bool) {
         let Some(at) = self.corners(face) else { return (KEPT, false) };
         let normal = self.crosses[face].normalize();
         let mut points = Vec::new();

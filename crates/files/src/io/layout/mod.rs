@@ -101,8 +101,8 @@ impl Decoder {
         let mut statements = facts.notes.clone();
         let mut sources = Vec::new();
         if facts.is_tared && !matches!(layout.zero, ZeroRule::Word(ZeroWord::Taken) | ZeroRule::Number(0.0)) {
-            let needed = of_layout(layout.zero.describe());
-            return refuse("zero", "`is_tared` 1: zero is subtracted already".into(), needed);
+            let needed = layout.says(layout.zero.describe());
+            return Err(invalid(file, "zero", "`is_tared` 1: zero is subtracted already", needed));
         }
         for (k, rule) in layout.rules.iter().enumerate() {
             let at = rule.component.unwrap_or(0);
@@ -110,7 +110,7 @@ impl Decoder {
                 && facts.names.get(at) != Some(&rule.name)
             {
                 let found = format!("{} as component {other}", rule.name);
-                return refuse("channels", found, of_layout(format!("component {at}")));
+                return Err(invalid(file, "channels", found, layout.says(format!("component {at}"))));
             }
             if at >= components {
                 let needed = layout.says(format!("component {at} of channel {}", rule.name));
