@@ -205,6 +205,10 @@ fn links_may_share_ids() {
     let log = fs::read_to_string(folder.join("log.csv")).unwrap().replace(",arm,", ",leg,");
     fs::write(folder.join("leg.csv"), log).unwrap();
     let words = "touches leg.csv -o no.csv --readings wide.csv --skin two.glb";
+    refuses(folder, words, &["the link \"leg\"", "hand, arm"]);
+    let log = fs::read_to_string(folder.join("log.csv")).unwrap().replace(",arm,", ",,");
+    fs::write(folder.join("unnamed.csv"), log).unwrap();
+    let words = "touches unnamed.csv -o no.csv --readings wide.csv --skin two.glb";
     refuses(folder, words, &["taxel 1 ", "\"palm\"", "\"sheet\"", "column `link`"]);
     let words = "touches log.csv -o no.csv --readings wide.csv --skin sheet.glb";
     refuses(folder, words, &["wide.csv", "128 columns", "64 taxels"]);
