@@ -1148,8 +1148,7 @@ fn dates_and_kinds_are_those_that_are_stated() {
         ReadingsWriter::create(
             folder.path().join(name).as_path(),
             skin.patches.iter().map(|p| &p.taxels),
-            channels,
-            true,
+            ReadingsColumns { channels, has_times: true },
         )
     };
     let mut writer = create("a.npz", &channels).unwrap();
