@@ -24,7 +24,7 @@ use crate::console::errors::{INCOMPLETE, advise};
 use crate::console::notes::{note, note_build};
 use crate::console::print::{json, print_json, print_levels};
 use crate::console::progress;
-use crate::files::input::{names, read_good_patches, skin_files};
+use crate::files::input::{ReadSkin, names, read_good_patches, skin_files};
 use crate::files::outputs::{self, cannot_write, write_bytes};
 use crate::options::{
     AcuityArgs, AtlasArgs, Choice, CoarsenArgs, Common, FlattenArgs, InPath, OutFolder, PatchArgs, ReadArgs,
@@ -117,10 +117,13 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         keep_going: args.keep_going,
         ..args.read.options(&inputs)
     };
-    let (mut skin, left_out) = read_good_patches(&inputs, &args.read, &args.chosen, &assemble, common)?;
+    let ReadSkin { mut skin, left_out, mut others } =
+        read_good_patches(&inputs, &args.read, &args.chosen, &assemble, common)?;
     check_output(folder, &files)?;
     let atlas = args.atlas.read()?;
-    args.acuity.apply(&mut skin, common)?;
+    args.acuity.apply(&mut skin, &others, common)?;
+    args.regions.check(&skin, &others)?;
+    args.flatten.keep_seams(&mut options.cut, &others, common);
     options.flatten = args.flatten.options_for(&skin, common)?;
     let read = start.elapsed().as_secs_f64();
 
@@ -135,7 +138,10 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let mut built = build_with(&skin, &options, Run::default().telling(&on_progress).counting(&common.steps))
         .with_context(|| format!("cannot map {}", names(&inputs).display()))?;
     if !args.regions.is_empty() {
-        args.regions.apply(Arc::make_mut(&mut built.map), common)?;
+        // Patches that could not be mapped are not in the map.
+        others.taxels.extend(skin.patches.iter().flat_map(|patch| patch.taxels.ids.iter()));
+        others.patches.extend(skin.patches.iter().map(|patch| patch.name.clone()));
+        args.regions.apply_with(Arc::make_mut(&mut built.map), &others, common)?;
     }
     if let Some(atlas) = &atlas {
         args.atlas.apply(atlas, &mut built, &skin, &options, common)?;

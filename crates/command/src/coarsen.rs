@@ -13,7 +13,7 @@ use serde_json::{Value, json};
 
 use crate::console::notes::note_rounding;
 use crate::console::print::{plain, print_json, print_table};
-use crate::files::input::read_skin;
+use crate::files::input::{ReadSkin, read_good_patches};
 use crate::files::outputs;
 use crate::options::{AcuityArgs, CoarsenArgs, Common, InPath, OutFile, PatchArgs, ReadArgs};
 
@@ -46,8 +46,10 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     }
     let assemble =
         AssembleOptions { fill_holes: args.coarsen.fill_holes(), ..args.read.options(&[&args.skin]) };
-    let mut skin = read_skin(&args.skin, &args.read, &args.chosen, &assemble, common)?;
-    args.acuity.apply(&mut skin, common)?;
+    let files = [(&args.skin).into()];
+    let ReadSkin { mut skin, others, .. } =
+        read_good_patches(&files, &args.read, &args.chosen, &assemble, common)?;
+    args.acuity.apply(&mut skin, &others, common)?;
     let options = args.coarsen.options();
     let coarsen = |patch: &Patch| {
         let coarsened = coarsen(&patch.mesh, &patch.taxels, &options, Run::default()).map_err(Error::from);

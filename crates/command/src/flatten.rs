@@ -18,7 +18,7 @@ use crate::console::errors::advise;
 use crate::console::notes::note_build;
 use crate::console::print::{print_json, print_levels};
 use crate::console::progress;
-use crate::files::input::{read_skin, select_patches};
+use crate::files::input::{ReadSkin, read_good_patches, select_patches};
 use crate::files::outputs;
 use crate::files::patterns::{check_sheet, pattern_kind, sheet, write_pattern};
 use crate::options::{AcuityArgs, Common, FlattenArgs, InPath, OutFile, PatchArgs, ReadArgs};
@@ -56,8 +56,10 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     check_sheet(args.sheet, args.output.iter().map(|path| &**path))?;
     args.flatten.options()?;
     let assemble = AssembleOptions { fill_holes: FillHoles::PinHoles, ..args.read.options(&[&args.mesh]) };
-    let mut skin = read_skin(&args.mesh, &args.read, &args.chosen, &assemble, common)?;
-    args.acuity.apply(&mut skin, common)?;
+    let files = [(&args.mesh).into()];
+    let ReadSkin { mut skin, others, .. } =
+        read_good_patches(&files, &args.read, &args.chosen, &assemble, common)?;
+    args.acuity.apply(&mut skin, &others, common)?;
     if skin.patches.len() > 1 && !args.chosen.patches.is_empty() {
         // A piece of a sheet may have the name of the sheet.
         let patches = skin.patches.into_iter().collect();
@@ -75,8 +77,10 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
             "take one with --patch NAME, or use `dermatome build`, which maps every patch",
         ));
     }
+    let mut cut = args.flatten.cut(common)?;
+    args.flatten.keep_seams(&mut cut, &others, common);
     let options = BuildOptions {
-        cut: args.flatten.cut(common)?,
+        cut,
         seam_side: args.flatten.seam_side,
         flatten: args.flatten.options_for(&skin, common)?,
         ..BuildOptions::default()

@@ -5,7 +5,7 @@ use std::{collections::HashMap, fmt, mem, path::Path};
 use dermatome::Error;
 use dermatome::cut::Cut;
 use dermatome::flatten::{Distortion, FlattenOptions, Method, Overlap};
-use dermatome::io::{IoError, TaxelTable, lost_in};
+use dermatome::io::{IoError, TaxelTable, Unused, lost_in};
 use dermatome::pipeline::{BuildOptions, BuildRemark, Enlarged};
 use dermatome::skin::{Remark, Skin};
 
@@ -56,6 +56,20 @@ pub(crate) fn note_columns(path: &Path, columns: &[String], common: &Common) {
         0 => {}
         1 => note!(common, "{path}: column {named} is not used"),
         _ => note!(common, "{path}: columns {named} are not used"),
+    }
+}
+
+/// Says which columns and rows of a table about the taxels of a skin change nothing.
+pub(crate) fn note_unused(path: &Path, unused: &Unused, common: &Common) {
+    note_columns(path, &unused.columns, common);
+    if unused.rows > 0 {
+        let (rows, are) = if unused.rows == 1 { ("row", "is") } else { ("rows", "are") };
+        note!(
+            common,
+            "{}: {} {rows} of taxels or patches that the file has and the skin has not {are} not used",
+            path.display(),
+            unused.rows
+        );
     }
 }
 

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use dermatome::Error;
 use dermatome::body::{Body, Gap, gap_links};
-use dermatome::io::{IoError, ReadingsLayout, ReadingsReader, read_map};
+use dermatome::io::{IoError, NotInSkin, ReadingsLayout, ReadingsReader, read_map};
 use dermatome::map::SkinMap;
 use dermatome::mesh::FillHoles;
 use dermatome::remesh::{Remeshed, keep_outer, remesh_skin};
@@ -29,7 +29,16 @@ pub(crate) fn read_skin(
     options: &AssembleOptions,
     common: &Common,
 ) -> anyhow::Result<Skin> {
-    Ok(read_good_patches(&[path.to_owned()], read, chosen, options, common)?.0)
+    Ok(read_good_patches(&[path.to_owned()], read, chosen, options, common)?.skin)
+}
+
+/// A skin that was read, and what of its files is not in it.
+pub(crate) struct ReadSkin {
+    pub(crate) skin: Skin,
+    /// How many patches are not valid and were left out, if that is asked for.
+    pub(crate) left_out: usize,
+    /// The taxels and patches that the files have and the skin has not.
+    pub(crate) others: NotInSkin,
 }
 
 /// The skin of a map, or of a file that [`read_skin`] reads.
@@ -77,20 +86,23 @@ pub(crate) fn skin_files(named: &[InPath]) -> anyhow::Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-/// The same of several files, one skin, and how many patches that are not valid were left out, if that
-/// is asked for.
+/// The same of several files, one skin.
 pub(crate) fn read_good_patches(
     paths: &[PathBuf],
     read: &ReadArgs,
     chosen: &PatchArgs,
     options: &AssembleOptions,
     common: &Common,
-) -> anyhow::Result<(Skin, usize)> {
+) -> anyhow::Result<ReadSkin> {
     let path = &*names(paths);
     let mut drafts = paths.iter().map(|path| read_draft_of(path, read, chosen.wants_materials()));
     let mut draft = drafts.next().transpose()?.unwrap_or_default();
     drafts.try_for_each(|other| other.map(|other| draft.append(other)))?;
     outputs::add_inputs(&draft.files, &common.outputs);
+    let mut others = NotInSkin {
+        taxels: draft.sheets.iter().flat_map(|sheet| sheet.ids.iter().flatten().copied()).collect(),
+        patches: draft.sheets.iter().map(|sheet| sheet.title().to_owned()).collect(),
+    };
     let are_chosen = read.outer || chosen.takes_faces();
     let oriented = are_chosen.then(|| orient(&mut draft, options)).unwrap_or_default();
     // What hides others may be among the faces that are not taken.
@@ -135,6 +147,7 @@ pub(crate) fn read_good_patches(
     {
         note!(common, "a larger --gap joins pieces");
     }
+    let named: Vec<String> = assembled.skin.patches.iter().map(|patch| patch.name.clone()).collect();
     if !sheets {
         let patches = assembled.skin.patches.into_iter().collect();
         assembled.skin.patches = select_patches(path, patches, &chosen.patches, |patch| &patch.name)?.into();
@@ -155,9 +168,18 @@ pub(crate) fn read_good_patches(
         }
         assembled.skin = mesh_anew(&assembled.skin, spacing, common)?;
     }
+    others.patches.extend(named);
+    if read.spacing.is_some() {
+        // Ids are those of new taxels.
+        others.taxels.clear();
+    }
+    for patch in &assembled.skin.patches {
+        others.patches.remove(&patch.name);
+        patch.taxels.ids.iter().for_each(|id| _ = others.taxels.remove(id));
+    }
     let is_left_out = |remark: &&Remark| matches!(remark.kind, RemarkKind::PatchLeftOut { .. });
     let left_out = assembled.remarks.iter().filter(is_left_out).count();
-    Ok((assembled.skin, left_out))
+    Ok(ReadSkin { skin: assembled.skin, left_out, others })
 }
 
 /// Meshes a skin anew with taxels this far apart.

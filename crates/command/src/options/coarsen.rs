@@ -1,8 +1,12 @@
 //! How to coarsen, and where the skin is finer than elsewhere.
 
-use dermatome::{Error, io::read_acuities, mesh::FillHoles, pyramid::CoarsenOptions, skin::Skin};
+use dermatome::Error;
+use dermatome::io::{NotInSkin, read_acuities_with};
+use dermatome::mesh::FillHoles;
+use dermatome::pyramid::CoarsenOptions;
+use dermatome::skin::Skin;
 
-use crate::console::notes::note_columns;
+use crate::console::notes::note_unused;
 use crate::options::{Common, InPath};
 
 /// How to coarsen.
@@ -33,9 +37,9 @@ pub(crate) struct AcuityArgs {
 
 impl AcuityArgs {
     /// Reads the table, if one is named, into the taxels of a skin.
-    pub(crate) fn apply(&self, skin: &mut Skin, common: &Common) -> Result<(), Error> {
+    pub(crate) fn apply(&self, skin: &mut Skin, others: &NotInSkin, common: &Common) -> Result<(), Error> {
         let Some(path) = &self.acuity else { return Ok(()) };
-        note_columns(path, &read_acuities(path, skin)?, common);
+        note_unused(path, &read_acuities_with(path, skin, others)?, common);
         Ok(())
     }
 }

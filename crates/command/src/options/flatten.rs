@@ -8,12 +8,12 @@ use clap::ValueEnum;
 use dermatome::Error;
 use dermatome::cut::Cut;
 use dermatome::flatten::{Boundary, Energy, FlattenOptions, Method, Overlap};
-use dermatome::io::{read_boundary, read_seams};
+use dermatome::io::{NotInSkin, Unused, read_boundary, read_seams};
 use dermatome::skin::Skin;
 use glam::DVec3;
 
 use crate::console::errors::advise;
-use crate::console::notes::rows_of;
+use crate::console::notes::{note_unused, rows_of};
 use crate::options::values::{direction, number};
 use crate::options::{Choice, Common, one_of};
 
@@ -192,6 +192,14 @@ impl FlattenArgs {
             CutArg::All => Cut::All,
             CutArg::Table(file) => Cut::Along(rows_of(file, read_seams(file), common)?),
         })
+    }
+
+    /// Leaves out the given seams of taxels that the file has and the skin has not; a note counts them.
+    pub(crate) fn keep_seams(&self, cut: &mut Cut, others: &NotInSkin, common: &Common) {
+        let (Cut::Along(pairs), CutArg::Table(file)) = (cut, &self.cut) else { return };
+        let before = pairs.len();
+        pairs.retain(|ends| !ends.iter().all(|id| others.taxels.contains(id)));
+        note_unused(file, &Unused { columns: Vec::new(), rows: before - pairs.len() }, common);
     }
 
     /// Refuses every given option that is not among `used`.

@@ -3,10 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use dermatome::Error;
-use dermatome::io::{file_kind, read_regions};
+use dermatome::io::{NotInSkin, check_regions, file_kind, read_regions_with};
 use dermatome::map::SkinMap;
+use dermatome::skin::Skin;
 
-use crate::console::notes::note_columns;
+use crate::console::notes::note_unused;
 use crate::options::Common;
 
 /// Names of regions of the skin.
@@ -40,12 +41,31 @@ impl RegionsArgs {
         self.sources.is_empty()
     }
 
+    /// Refuses before any work tables that cannot be used on the map of a skin.
+    pub(crate) fn check(&self, skin: &Skin, others: &NotInSkin) -> Result<(), Error> {
+        let files = self.sources.iter().filter_map(|source| match source {
+            RegionSource::Link => None,
+            RegionSource::File(path) => Some(path),
+        });
+        Ok(files.into_iter().try_for_each(|path| check_regions(path, skin, others))?)
+    }
+
     /// Names the regions of a map.
     pub(crate) fn apply(&self, map: &mut SkinMap, common: &Common) -> Result<(), Error> {
+        self.apply_with(map, &NotInSkin::default(), common)
+    }
+
+    /// As [`Self::apply`], of a map that has not all that its file has.
+    pub(crate) fn apply_with(
+        &self,
+        map: &mut SkinMap,
+        others: &NotInSkin,
+        common: &Common,
+    ) -> Result<(), Error> {
         for source in &self.sources {
             match source {
                 RegionSource::Link => map.set_regions_by_link()?,
-                RegionSource::File(path) => note_columns(path, &read_regions(path, map)?, common),
+                RegionSource::File(path) => note_unused(path, &read_regions_with(path, map, others)?, common),
             }
         }
         Ok(())

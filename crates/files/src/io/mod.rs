@@ -100,7 +100,8 @@ pub use robot::{Packages, RobotSurface, read_robot, robot_draft};
 pub use table::TableRows;
 pub use table::body_words::read_body_words;
 pub use table::by_taxel::{
-    TaxelTable, modules_of_skin, read_acuities, read_boundary, read_gains, read_modules, read_seams,
+    NotInSkin, TaxelTable, Unused, modules_of_skin, read_acuities, read_acuities_with, read_boundary,
+    read_gains, read_modules, read_seams,
 };
 pub use table::calibration::{
     read_triangles, read_truth, write_bodies, write_calibration, write_inliers, write_triangles, write_truth,
@@ -119,7 +120,7 @@ pub use table::lookups::{LookupPlace, LookupRow, LookupWriter};
 pub use table::motion::{MotionFile, read_link_names, read_motion};
 pub use table::order::{read_order, write_order};
 pub use table::region_writer::{RegionWriter, write_steps, write_touches};
-pub use table::regions::read_regions;
+pub use table::regions::{check_regions, read_regions, read_regions_with};
 pub use table::response::{read_response, write_response};
 pub use table::series::{Series, read_series};
 pub use table::summary::{

@@ -25,21 +25,53 @@ pub struct TaxelTable<T> {
     pub unused: Vec<String>,
 }
 
+/// What the file of a skin has and the skin has not, as patches that were not chosen or could not be used: a table about
+/// the file may name it.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct NotInSkin {
+    /// Ids of taxels.
+    pub taxels: HashSet<TaxelId>,
+    /// Names of patches.
+    pub patches: HashSet<String>,
+}
+
+/// What of a table about the taxels of a skin is not used.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Unused {
+    /// Names of columns.
+    pub columns: Vec<String>,
+    /// How many rows, or polygons, are of taxels and patches [that are not in the skin](NotInSkin).
+    pub rows: usize,
+}
+
 /// Reads a table of acuities, columns `taxel_id,factor`, into the taxels of a skin; those that it does
-/// not name get the factor 1. Returns the names of columns that are not used.
+/// not name have the factor 1, and a patch of which all have it has no acuities. Returns the names of columns that are not
+/// used.
 ///
 /// # Errors
 /// If the file cannot be read, a column is missing, a factor is not a number from 0.01 to 100, or
 /// an id is named twice or is not that of exactly one taxel. Errors name the line.
 pub fn read_acuities(path: &Path, skin: &mut Skin) -> Result<Vec<String>, IoError> {
+    read_acuities_with(path, skin, &NotInSkin::default()).map(|unused| unused.columns)
+}
+
+/// As [`read_acuities`]; rows of taxels that the file of the skin has and the skin has not are counted, and not used.
+///
+/// # Errors
+/// As [`read_acuities`].
+pub fn read_acuities_with(path: &Path, skin: &mut Skin, others: &NotInSkin) -> Result<Unused, IoError> {
+    let mut rows = 0;
     let homes = Homes::new(skin.patches.enumerate().map(|(id, patch)| (id, &patch.taxels)));
     let mut acuities = skin.patches.map(|patch| IdVec::filled(None, patch.taxels.ids.len()));
-    let unused = each_row_of(path, ["taxel_id", "factor"], &mut |row, [id, factor]| {
-        let (patch, vertex) = homes.of(row, id, "the skin")?;
+    let columns = each_row_of(path, ["taxel_id", "factor"], &mut |row, [id, factor]| {
         let found = row.number(factor)?;
         if !FACTORS.contains(&found) {
             return Err(row.invalid(factor, "a number from 0.01 to 100"));
         }
+        let Some((patch, vertex)) = homes.of_or_other(row, id, "the skin", others)? else {
+            rows += 1;
+            return Ok(());
+        };
         match acuities[patch][vertex].replace(found) {
             None => Ok(()),
             Some(_) => Err(row.invalid(id, "an id that no earlier line names")),
@@ -49,7 +81,7 @@ pub fn read_acuities(path: &Path, skin: &mut Skin) -> Result<Vec<String>, IoErro
         let acuities = acuities.map(|acuity| acuity.unwrap_or(1.0));
         patch.taxels.acuities = Some(acuities).filter(|all| all.iter().any(|acuity| *acuity != 1.0));
     }
-    Ok(unused)
+    Ok(Unused { columns, rows })
 }
 
 /// Where the taxel of each id is.
@@ -68,9 +100,23 @@ impl Homes {
 
     /// The taxel whose id is in a cell; `whose` taxels these are is said in errors.
     pub(super) fn of(&self, row: Row<'_>, id: usize, whose: &str) -> Result<(PatchId, VertexId), IoError> {
-        match self.0.get(&row.taxel(id)?) {
+        let needed = || row.invalid(id, format!("the id of a taxel of {whose}"));
+        self.of_or_other(row, id, whose, &NotInSkin::default())?.ok_or_else(needed)
+    }
+
+    /// The same; none for a taxel of `others`.
+    pub(super) fn of_or_other(
+        &self,
+        row: Row<'_>,
+        id: usize,
+        whose: &str,
+        others: &NotInSkin,
+    ) -> Result<Option<(PatchId, VertexId)>, IoError> {
+        let taxel = row.taxel(id)?;
+        match self.0.get(&taxel) {
+            None if others.taxels.contains(&taxel) => Ok(None),
             None => Err(row.invalid(id, format!("the id of a taxel of {whose}"))),
-            Some((patch, vertex, 1)) => Ok((*patch, *vertex)),
+            Some((patch, vertex, 1)) => Ok(Some((*patch, *vertex))),
             Some((_, _, count)) => Err(row.invalid(id, format!("the id of one taxel, not of {count}"))),
         }
     }
