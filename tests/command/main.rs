@@ -8,6 +8,7 @@ mod bodies;
 mod body;
 mod build;
 mod calibrate;
+mod chosen;
 mod cli;
 #[path = "../common/mod.rs"]
 mod common;

@@ -70,8 +70,9 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let (notes, findings): (Vec<_>, Vec<_>) = findings.into_iter().partition(|f| f.kind == FindingKind::Bare);
     notes.iter().for_each(|found| note!(common, "{found}"));
     let gaps = match &map {
-        Some(map) => gaps_of(Some(map), &map.skin()),
-        None => assemble(&draft, &options).map_or_else(|_| Vec::new(), |made| gaps_of(None, &made.skin)),
+        Some(map) => gaps_of(Some(map), &map.skin(), args.read.unit),
+        None => assemble(&draft, &options)
+            .map_or_else(|_| Vec::new(), |made| gaps_of(None, &made.skin, args.read.unit)),
     };
     let is_refused = findings.iter().any(|f| f.severity() == Severity::Error);
     let (mut health, mut order) = (None, None);

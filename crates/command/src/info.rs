@@ -62,7 +62,8 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         }
     };
     let map = read_map_if_any(&args.file)?;
-    let gaps = gaps_of(map.as_ref(), map.as_ref().map(SkinMap::skin).as_ref().unwrap_or(&skin));
+    let of_map = map.as_ref().map(SkinMap::skin);
+    let gaps = gaps_of(map.as_ref(), of_map.as_ref().unwrap_or(&skin), args.read.unit);
     let links = link_names(&skin.links);
     let row = |patch: &Patch| row(&links[patch.link], patch);
     let rows = skin.patches.iter().map(row).collect::<Result<Vec<_>, Error>>()?;
@@ -89,7 +90,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         }
         let modalities = modalities(map.as_ref(), &skin);
         if !modalities.is_empty() {
-            let object = |(patch, name, sensors, fields)| json!({ "patch": patch, "name": name, "sensors": sensors, "fields": fields });
+            let object = |of: ModalityRow| json!({ "patch": of.patch, "name": of.name, "sensors": of.sensors, "fields": of.fields, "levels": of.levels });
             all["modalities"] = modalities.into_iter().map(object).collect();
         }
         if let Some(robot) = &robot {
@@ -110,12 +111,15 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
         let sentences = map.iter().flat_map(atlas_sentences);
         sentences.into_iter().try_for_each(|sentence| print(&format!("{}\n", plain_sentence(&sentence))))?;
         map.iter().try_for_each(print_body_levels)?;
-        for (patch, name, sensors, fields) in modalities(map.as_ref(), &skin) {
-            let levels: Vec<String> = fields.iter().map(ToString::to_string).collect();
-            let levels =
-                if fields.is_empty() { String::new() } else { format!(", fields {}", levels.join(", ")) };
-            let of = patch.map_or_else(|| "body".into(), |patch| plain(&patch));
-            print(&format!("{of}.{name}: sensors {sensors}{levels}\n"))?;
+        for ModalityRow { patch, name, sensors, fields, levels } in modalities(map.as_ref(), &skin) {
+            // As levels are called, without their numbers.
+            let called = levels.first().and_then(|level| level.rsplit_once('.')).map(|(of, _)| of.to_owned());
+            let own = || format!("{}.{name}", patch.as_deref().unwrap_or("body"));
+            let called = plain(&called.unwrap_or_else(own));
+            let counts: Vec<String> = fields.iter().map(ToString::to_string).collect();
+            let counts =
+                if fields.is_empty() { String::new() } else { format!(", fields {}", counts.join(", ")) };
+            print(&format!("{called}: sensors {sensors}{counts}\n"))?;
         }
         for (name, [from, to]) in skin.animations.iter().filter_map(times) {
             print(&format!("animation {}: {from} to {to} s\n", plain(name)))?;
@@ -149,27 +153,46 @@ fn print_body_levels(map: &SkinMap) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The modalities besides touch of each patch, and of a map those of the whole body, without the name of a patch: the number
-/// of sensors, and of a map that of the fields of each level.
-fn modalities(map: Option<&SkinMap>, skin: &Skin) -> Vec<(Option<String>, String, usize, Vec<usize>)> {
-    let all = || map.iter().flat_map(|map| &map.body.modalities);
+/// A modality besides touch of a patch, or of the whole body, which has no patch.
+struct ModalityRow {
+    patch: Option<String>,
+    name: String,
+    sensors: usize,
+    /// Of a map, how many fields each level has.
+    fields: Vec<usize>,
+    /// Of a map, the names of the levels.
+    levels: Vec<String>,
+}
+
+/// The modalities of each patch, and of a map those of the whole body.
+fn modalities(map: Option<&SkinMap>, skin: &Skin) -> Vec<ModalityRow> {
+    let all = || map.iter().flat_map(|map| map.body.modalities.iter().enumerate());
     let sizes = |of: &Modality| of.levels.iter().map(|level| level.origins.len()).collect();
-    let fields = |id: PatchId, name: &str| {
-        let found = all().find(|modality| modality.patch == Some(id) && modality.name == name);
-        found.map_or_else(Vec::new, sizes)
+    let names = |number: usize| -> Vec<String> {
+        let levels = map.into_iter().flat_map(SkinMap::field_levels);
+        levels.filter(|(at, _)| at.modality == Some(number)).map(|(_, name)| name).collect()
     };
     let of_patch = |(id, patch): (PatchId, &Patch)| {
         let row = |name: &str| {
-            let sensors = patch.taxels.sensors(name).len();
-            (Some(patch.name.clone()), name.to_owned(), sensors, fields(id, name))
+            let found = all().find(|(_, modality)| modality.patch == Some(id) && modality.name == name);
+            ModalityRow {
+                patch: Some(patch.name.clone()),
+                name: name.to_owned(),
+                sensors: patch.taxels.sensors(name).len(),
+                fields: found.map_or_else(Vec::new, |(_, of)| sizes(of)),
+                levels: found.map_or_else(Vec::new, |(number, _)| names(number)),
+            }
         };
         patch.taxels.other_modalities().into_iter().map(row).collect::<Vec<_>>()
     };
-    let of_body = |of: &Modality| {
-        let sensors = skin.patches.iter().map(|patch| patch.taxels.sensors(&of.name).len()).sum();
-        (None, of.name.clone(), sensors, sizes(of))
+    let of_body = |(number, of): (usize, &Modality)| ModalityRow {
+        patch: None,
+        name: of.name.clone(),
+        sensors: skin.patches.iter().map(|patch| patch.taxels.sensors(&of.name).len()).sum(),
+        fields: sizes(of),
+        levels: names(number),
     };
-    let whole = all().filter(|modality| modality.patch.is_none()).map(of_body);
+    let whole = all().filter(|(_, modality)| modality.patch.is_none()).map(of_body);
     skin.patches.enumerate().flat_map(of_patch).chain(whole).collect()
 }
 

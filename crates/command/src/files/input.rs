@@ -308,10 +308,12 @@ pub(crate) fn read_draft_of(path: &Path, read: &ReadArgs, materials: bool) -> an
     })
 }
 
-/// The gaps of a skin with the names of their patches: those that a map has links over, or `build` would find.
-pub(crate) fn gaps_of(map: Option<&SkinMap>, skin: &Skin) -> Vec<([String; 2], Gap)> {
+/// The gaps of a skin with the names of their patches: those that a map has links over, its lengths in `unit`, or `build`
+/// would find.
+pub(crate) fn gaps_of(map: Option<&SkinMap>, skin: &Skin, unit: Unit) -> Vec<([String; 2], Gap)> {
+    let in_metres = |gap: Gap| Gap { width: gap.width.map(|width| unit.metres() * width), ..gap };
     let gaps = match map {
-        Some(map) => map.gaps(),
+        Some(map) => map.gaps().into_iter().map(in_metres).collect(),
         None => Body { links: gap_links(skin, None), ..Body::default() }.gaps(skin),
     };
     let named = |gap: Gap| (gap.patches.map(|patch| skin.patches[patch].name.clone()), gap);
