@@ -366,7 +366,7 @@ fn magnification_is_no_fault_of_a_map() {
         run.stderr(contains("area ratio").not().and(contains("poor").not()));
     }
     let turn = DQuat::from_rotation_z(0.3);
-    let mut ball = shapes::ball(3, 0.05);
+    let mut ball = shapes::ball(6, 0.05);
     ball.positions.iter_mut().for_each(|p| *p = turn * *p);
     write_skin(&folder.join("ball.csv"), &Skin::from_mesh("ball", ball)).unwrap();
     let words = "build ball.csv -o b --acuity acuity.csv --max-area-ratio 1.0001";
