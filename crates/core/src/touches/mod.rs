@@ -56,6 +56,7 @@ mod rows;
 mod sides;
 mod spikes;
 mod surface;
+mod unfit;
 
 pub use arm::{ArmOptions, ArmSimulation, simulate_arm, simulate_arm_with};
 pub use contacts::{TouchContact, TouchContacts, TouchesSummary};
@@ -112,7 +113,7 @@ pub fn contacts_of_touches_with(
 ) -> Result<TouchContacts, TouchesError> {
     log.validate()?;
     options.validate(log)?;
-    examine::check_lengths(log)?;
+    unfit::check_lengths(log)?;
     run.check()?;
     let mut removed = options.delay.unwrap_or(0.0);
     let mut fitted = fit(log, removed, options, run)?;
