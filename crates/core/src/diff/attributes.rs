@@ -99,11 +99,11 @@ pub(super) fn of_attributes(comparison: &Comparison<'_>) -> Vec<Change> {
         let changed: Vec<(&Pair, f64)> = changed.filter(|(_, size)| *size > limit).collect();
         changes.extend(by_module(comparison.name, kind, &changed));
     }
-    let module = |place: &Place| place.module.clone();
-    let senses = |place: &Place| Some(place.senses.clone());
-    let region = |place: &Place| place.region.clone();
-    let labels: [(ChangeKind, &dyn Fn(&Place) -> Option<String>); 3] =
-        [(ChangeKind::Regrouped, &module), (ChangeKind::Modality, &senses), (ChangeKind::Region, &region)];
+    let labels: [(ChangeKind, Label); 3] = [
+        (ChangeKind::Regrouped, |place| place.module.clone()),
+        (ChangeKind::Modality, |place| Some(place.senses.clone())),
+        (ChangeKind::Region, |place| place.region.clone()),
+    ];
     for (kind, label) in labels {
         let both = |pair: &Pair| Some([label(&pair.before)?, label(&pair.after)?]);
         let mut others: BTreeMap<[String; 2], Vec<(&Pair, f64)>> = BTreeMap::new();
@@ -119,6 +119,9 @@ pub(super) fn of_attributes(comparison: &Comparison<'_>) -> Vec<Change> {
     }
     changes
 }
+
+/// What a taxel is in one regard, in words, if that is known.
+type Label = fn(&Place) -> Option<String>;
 
 /// A change of each patch and module that has some of these taxels; `angle` is the largest tilt.
 fn by_module(link: &str, kind: ChangeKind, changed: &[(&Pair, f64)]) -> Vec<Change> {

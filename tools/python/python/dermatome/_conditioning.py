@@ -34,18 +34,7 @@ def condition(readings: Readings, map: Map, options: Options) -> Readings:
     import numpy as np
 
     if len(parts := readings.by_episode()) > 1:
-        made = [condition(part, map, options) for part in parts]
-        remarks = [remark if all(remark in part.remarks for part in made) else f"episode {part.episode}: {remark}" for part in made for remark in part.remarks]
-        measured = None if made[0].measured is None else np.concatenate([part.measured for part in made])
-        return replace(
-            made[0],
-            values=np.concatenate([part.values for part in made]),
-            timestamps=np.concatenate([part.timestamps for part in made]),
-            measured=measured,
-            remarks=tuple(dict.fromkeys(remarks)),
-            episode=None,
-            episodes=readings.episodes,
-        )
+        return _joined(readings, [condition(part, map, options) for part in parts])
     from dermatome._readings import flags_of, of_touch as which_touch, rested, stand_still
 
     of_map = readings.on(map)
@@ -130,6 +119,27 @@ def condition(readings: Readings, map: Map, options: Options) -> Readings:
         remarks=tuple(dict.fromkeys((*of_map.remarks, *arrays["remarks"]))),
     )
     return rested(made, arrays["rest"][0])
+
+
+def _joined(readings: Readings, parts: list[Readings]) -> Readings:
+    """Episodes one after the other; what is said of one of them alone names it."""
+    import numpy as np
+
+    remarks = [
+        remark if all(remark in other.remarks for other in parts) else f"episode {part.episode}: {remark}"
+        for part in parts
+        for remark in part.remarks
+    ]
+    measured = [part.measured for part in parts if part.measured is not None]
+    return replace(
+        parts[0],
+        values=np.concatenate([part.values for part in parts]),
+        timestamps=np.concatenate([part.timestamps for part in parts]),
+        measured=np.concatenate(measured) if measured else None,
+        remarks=tuple(dict.fromkeys(remarks)),
+        episode=None,
+        episodes=readings.episodes,
+    )
 
 
 def _by_id(map: Map, gains: Any) -> list[tuple[Any, Any]]:

@@ -36,7 +36,7 @@ def on_axes(ax: Any, map: Map, patch: str | None, number: int, values: Any, opti
     levels = map.patches[patch].levels
     level = levels[min(number, len(levels) - 1)]
     if values is None:
-        ax.triplot(*level.uv.T, level.uv_faces, linewidth=0.5)
+        ax.triplot(level.uv[:, 0], level.uv[:, 1], level.uv_faces, linewidth=0.5)
     else:
         how = {name: options[name] for name in ("extensive", "modality")}
         renderer = map.renderer(level.number, patch=patch, **how)

@@ -320,9 +320,10 @@ class Touches(torch.utils.data.Dataset):  # type: ignore[misc, type-arg, unused-
         # Each frame with those before it, of which every one is drawn once.
         back: Any = np.maximum(chosen[:, None] + np.arange(1 - self.history, 1), self._first[chosen][:, None])
         drawn: Any = np.unique(back)
-        places = drawn.searchsorted(back)
+        places: Any = drawn.searchsorted(back)
         if self.augment is not None:
-            drawn, places = back.ravel(), np.arange(back.size).reshape(back.shape)
+            drawn = back.ravel()
+            places = np.reshape(np.arange(len(drawn)), back.shape)
         part = self.readings[drawn]
         changes = None if self.augment is None else [self.augment.sample() for _ in chosen]
         if changes is not None:

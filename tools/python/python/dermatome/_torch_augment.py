@@ -61,7 +61,7 @@ class Augment:
 
     def __init__(self, map: Map, *, shift: float = 0.0, turn: float = 0.0, drop: float = 0.0, gain: float = 0.0) -> None:
         check_kind("map", map, Map, A_MAP)
-        self.map, self._index = map, map.index()
+        self.map, self.index = map, map.index()
         self.shift, self.turn, self.drop, self.gain = (
             _within(name, value, most) for name, value, most in (("shift", shift, 1e3), ("turn", turn, np.pi), ("drop", drop, 1.0), ("gain", gain, 1.0))
         )
@@ -84,7 +84,7 @@ class Change:
 
     def __init__(self, of: Augment) -> None:
         untyped: Any = torch
-        self.map, self._index, count = of.map, of._index, of.map.n_taxels
+        self.map, self._index, count = of.map, of.index, of.map.n_taxels
         # Where touches go: the middle, the angle and the shift of each patch.
         self.moves: dict[str, tuple[Any, float, Any]] = {}
         if of.shift or of.turn:

@@ -136,6 +136,7 @@ class ZarrTrack(Track):
     def blocks(self, frames: int, episode: int | None = None, time: str | None = None, zero: str | None = None) -> Iterator[Block]:
         times = None if time is None else self._beside(time)
         zeros = None if zero is None else self.container.array(zero, self.array.name)
+        whole: Any = None
         if zeros is not None:
             zeros.complete()
             whole = self._whole_zero(zeros)
@@ -143,7 +144,7 @@ class ZarrTrack(Track):
         for number in chosen(self.path, self.episodes, episode):
             for start in range(starts[number], starts[number + 1], frames):
                 stop = min(start + frames, starts[number + 1])
-                zero_rows = None
+                zero_rows: Any = None
                 if zeros is not None:
                     zero_rows = zeros.read(start, stop) if whole is None else whole if whole.shape == self.cells else whole[number]
                 values = self.array.read(start, stop)
