@@ -307,7 +307,7 @@ fn a_refused_skin_does_not_stay_on_the_disk() {
     refuses(at, "calibrate shuffled.csv --cad cad.csv -o out.csv", &["nothing was written"]);
     let follow = "calibrate - --follow --cad cad.csv --every 10 -o out.csv";
     for before in [None, Some("the skin of yesterday\n")] {
-        before.map(|text| fs::write(at.join("out.csv"), text).unwrap());
+        before.iter().for_each(|text| fs::write(at.join("out.csv"), text).unwrap());
         let run = dermatome(at, follow).write_stdin(shuffled.clone()).assert().code(2);
         let said = String::from_utf8_lossy(&run.get_output().stderr).into_owned();
         assert!(said.contains("earlier tables are taken back"), "{said}");

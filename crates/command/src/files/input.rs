@@ -12,7 +12,7 @@ use dermatome::map::SkinMap;
 use dermatome::mesh::FillHoles;
 use dermatome::remesh::{Remeshed, keep_outer, remesh_skin};
 use dermatome::run::Run;
-use dermatome::skin::{AssembleOptions, Draft, Remark, RemarkKind, Skin, assemble, orient};
+use dermatome::skin::{AssembleOptions, Draft, Oriented, Remark, RemarkKind, Skin, assemble, orient};
 use glob::Pattern;
 use serde_json::{Value, json};
 
@@ -104,7 +104,7 @@ pub(crate) fn read_good_patches(
         patches: draft.sheets.iter().map(|sheet| sheet.title().to_owned()).collect(),
     };
     let are_chosen = read.outer || chosen.takes_faces();
-    let oriented = are_chosen.then(|| orient(&mut draft, options)).unwrap_or_default();
+    let oriented = if are_chosen { orient(&mut draft, options) } else { Oriented::default() };
     // What hides others may be among the faces that are not taken.
     if read.outer {
         keep_outer(&mut draft).notes().iter().for_each(|what| note!(common, "{what}"));

@@ -180,6 +180,9 @@ fn shared_id(map: &SkinMap) -> Option<TaxelId> {
     map.patches.iter().flat_map(|patch| patch.taxels.ids.iter().copied()).find(|id| !seen.insert(*id))
 }
 
+/// Sums and counts of zero, gain, exponent and sigma.
+type Sums = [(f64, f64); 4];
+
 /// A response of gains, exponents and sigmas in the order of the taxels; NaN is not known. Each has the state that it is in
 /// if its gain is not known. Taxels of one id, which have the same readings, have the mean of what is known of each.
 fn made(
@@ -191,9 +194,8 @@ fn made(
 ) -> Response {
     let ids = map.patches.iter().flat_map(|patch| patch.taxels.ids.iter());
     let zeros = zeros.iter().copied().chain(std::iter::repeat(f64::NAN));
-    // Sums and counts of zero, gain, exponent and sigma.
     let mut places: HashMap<TaxelId, usize> = HashMap::new();
-    let mut all: Vec<(TaxelId, [(f64, f64); 4], TaxelState)> = Vec::new();
+    let mut all: Vec<(TaxelId, Sums, TaxelState)> = Vec::new();
     for ((&id, ([gain, exponent, sigma], state)), zero) in ids.zip(known).zip(zeros) {
         let place = *places.entry(id).or_insert_with(|| {
             all.push((id, [(0.0, 0.0); 4], state));
@@ -205,7 +207,7 @@ fn made(
             }
         }
     }
-    let taxel = |(id, sums, state): (TaxelId, [(f64, f64); 4], TaxelState)| {
+    let taxel = |(id, sums, state): (TaxelId, Sums, TaxelState)| {
         let [zero, gain, exponent, sigma] =
             sums.map(|(sum, count)| Some(sum / count).filter(|mean| mean.is_finite()));
         let state = if gain.is_none() { state } else { TaxelState::Ok };
