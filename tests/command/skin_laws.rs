@@ -493,7 +493,8 @@ impl Built {
 
     /// A recording, whose columns are the time and the taxels of the map: the rows are those of its columns.
     fn columns(&self, name: &str) -> Vec<Row> {
-        let mut reader = csv::Reader::from_path(self.folder.path().join(name)).unwrap();
+        let mut reader = csv::ReaderBuilder::new();
+        let mut reader = reader.comment(Some(b'#')).from_path(self.folder.path().join(name)).unwrap();
         let of_patch = |id| self.centres(Some(id), "0").into_iter().map(|taxel| format!("taxel {taxel}"));
         let taxels = self.map.patches.ids().flat_map(of_patch);
         let mut all: Vec<Row> =

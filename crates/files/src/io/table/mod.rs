@@ -360,6 +360,7 @@ impl Columns {
     }
 
     /// Whether a column has exactly this name.
+    #[cfg(feature = "robots")]
     pub(crate) fn is_called(&self, column: usize, name: &str) -> bool {
         self.names.get(column).is_some_and(|known| known == name)
     }
