@@ -9,6 +9,7 @@ from dermatome._arguments import number_of, whole_of
 from dermatome._dermatome import Map, as_floats, condition_readings, is_of_touch
 from dermatome._errors import DataError
 from dermatome._kinds import is_mapping
+from dermatome._rest import flags_of, of_touch as which_touch, rested, stand_still
 
 if TYPE_CHECKING:
     from dermatome._readings import Readings
@@ -35,8 +36,6 @@ def condition(readings: Readings, map: Map, options: Options) -> Readings:
 
     if len(parts := readings.by_episode()) > 1:
         return _joined(readings, [condition(part, map, options) for part in parts])
-    from dermatome._readings import flags_of, of_touch as which_touch, rested, stand_still
-
     of_map = readings.on(map)
     values, times, split = of_map.values, of_map.timestamps, options.split
     baseline: Any = options.baseline
@@ -105,7 +104,8 @@ def condition(readings: Readings, map: Map, options: Options) -> Readings:
     if options.fill != "none":
         measured = arrays["measured"] if measured is None else arrays["measured"] & measured
     # A threshold is one of readings about zero, or of those that have another.
-    same_zero = not has_zero or (of_map.is_tared and values is of_map.values)
+    has_other = has_zero or options.zero is not None or options.baseline != 0
+    same_zero = not has_other or (of_map.is_tared and values is of_map.values)
     is_as_stated = values is of_map.values and same_zero and not gains and split is None and options.response is None and clip is None
     made = replace(
         of_map,

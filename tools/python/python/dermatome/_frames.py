@@ -26,7 +26,7 @@ def from_xarray(make: Any, array: Any) -> Readings:
     """A `DataArray` of the axes time and taxel, and channel if there are several, in any order."""
     import numpy as np
 
-    from dermatome._readings import rested
+    from dermatome._rest import rested
 
     dims: list[str] = list(getattr(array, "dims", ()))
     if sorted(dims) not in (["taxel", "time"], ["channel", "taxel", "time"]):

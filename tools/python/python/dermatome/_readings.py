@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any, Literal
 from dermatome import _conditioning
 from dermatome._arguments import A_MAP, array_of, check_kind, one_of, path_of, whole_of, words_of
 from dermatome._dermatome import (
-    Map, as_floats, as_numbers, is_extensive, is_of_touch, is_same_unit, join_readings, main_channel, read_readings, summarise_readings,
+    Map, as_floats, as_numbers, is_extensive, is_same_unit, join_readings, main_channel, read_readings, summarise_readings,
 )
 from dermatome._errors import ArgumentError, DataError
+from dermatome._rest import flags_of, rested, stand_still
 from dermatome._whole import written
 
 if TYPE_CHECKING:
@@ -834,29 +835,6 @@ def of_arrays(arrays: dict[str, Any]) -> Readings:
 def _main(readings: Readings) -> int:
     """The number of the channel that measures touches first, which `threshold` is of."""
     return main_channel(readings.channels, readings.units, readings.kinds)
-
-
-def of_touch(readings: Readings) -> list[bool]:
-    """Which channels measure touches."""
-    kinds: Sequence[str | None] = readings.kinds or (None,) * len(readings.channels)
-    return [is_of_touch(name, unit, kind) for name, unit, kind in zip(readings.channels, readings.units, kinds)]
-
-
-def rested(readings: Readings, flags: Sequence[bool]) -> Readings:
-    """The readings, which are about 0 where nothing touches in these channels."""
-    of = [bool(flag) for flag, is_touch in zip(flags, of_touch(readings)) if is_touch]
-    is_mixed = any(of) and not all(of)
-    return replace(readings, is_tared=bool(of) and all(of), tared=tuple(map(bool, flags)) if is_mixed else None)
-
-
-def flags_of(readings: Readings) -> list[bool]:
-    """Of each channel whether readings are about 0 where nothing touches."""
-    return [readings.is_tared] * max(len(readings.channels), 1) if readings.tared is None else list(readings.tared)
-
-
-def stand_still(times: Any) -> bool:
-    """Whether frames have times, which are all the same."""
-    return len(times) > 1 and bool((times == times[0]).all())
 
 
 def _stored(path: Any) -> tuple[Any, Any]:

@@ -158,7 +158,7 @@ class Recording:
         return self._chunks(map, _frames(frames))
 
     def _chunks(self, map: Map | None, frames: int) -> Iterator[Readings]:
-        from dermatome._readings import rested
+        from dermatome._rest import rested
 
         join: Join | None = None
         channels: tuple[str, ...] = ()

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
-from dermatome._readings import Readings, flags_of
+from dermatome._readings import Readings
+from dermatome._rest import flags_of
 from dermatome.recordings import is_container
 
 if TYPE_CHECKING:

@@ -69,7 +69,7 @@ class Arrays(Text):
 
     @property
     def rest(self) -> tuple[list[bool], float | None]:
-        from dermatome._readings import flags_of
+        from dermatome._rest import flags_of
 
         return flags_of(self.read), self.read.threshold
 
