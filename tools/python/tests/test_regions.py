@@ -121,17 +121,22 @@ def test_modalities_have_levels_of_their_own(tmp_path):
         made.pool(values, level="skin.thermal.L9")
 
 
-def test_readings_of_pads_are_those_of_pads(tmp_path):
-    """Pressures and temperatures of a patch with thermal pads and of one without: by id and in the order of the map, of each
-    adapter the same."""
+def skin_of_two_patches(folder, has_pads=(True, True)):
+    """Two patches of 12 x 12 taxels, of which nine are thermal pads."""
     rows = [
-        f"{144 * right + 12 * y + x + 1},{0.065 * right + 0.005 * x},{0.005 * y},0,{'thermal' if not right and x % 4 == y % 4 == 1 else ''},{name}"
+        f"{144 * right + 12 * y + x + 1},{0.065 * right + 0.005 * x},{0.005 * y},0,{'thermal' if has_pads[right] and x % 4 == y % 4 == 1 else ''},{name}"
         for right, name in enumerate(["arm", "hand"])
         for y in range(12)
         for x in range(12)
     ]
-    (tmp_path / "skin.csv").write_text("id,x,y,z,modality,patch\n" + "\n".join(rows))
-    made = dermatome.build(dermatome.Skin.read(tmp_path / "skin.csv")).with_regions({"tip": range(1, 60)})
+    (folder / "skin.csv").write_text("id,x,y,z,modality,patch\n" + "\n".join(rows))
+    return dermatome.Skin.read(folder / "skin.csv")
+
+
+def test_readings_of_pads_are_those_of_pads(tmp_path):
+    """Pressures and temperatures of a patch with thermal pads and of one without: by id and in the order of the map, of each
+    adapter the same."""
+    made = dermatome.build(skin_of_two_patches(tmp_path, (True, False))).with_regions({"tip": range(1, 60)})
     pads, arm = made.present == 2, made.patch_of == 0
     values, order = np.random.default_rng(2).random((3, 2, 288)), np.random.default_rng(3).permutation(288)
     about = {"timestamps": np.arange(3) * 0.1, "channels": ["pressure", "temperature"], "units": ["kPa", "degC"]}
@@ -172,14 +177,7 @@ def test_readings_of_pads_are_those_of_pads(tmp_path):
 
 
 def test_modalities_have_levels_of_the_whole_body(tmp_path):
-    rows = [
-        f"{144 * right + 12 * y + x + 1},{0.065 * right + 0.005 * x},{0.005 * y},0,{'thermal' if x % 4 == y % 4 == 1 else ''},{name}"
-        for right, name in enumerate(["arm", "hand"])
-        for y in range(12)
-        for x in range(12)
-    ]
-    (tmp_path / "skin.csv").write_text("id,x,y,z,modality,patch\n" + "\n".join(rows))
-    made = dermatome.build(dermatome.Skin.read(tmp_path / "skin.csv"))
+    made = dermatome.build(skin_of_two_patches(tmp_path))
     assert {"arm.thermal.L0", "hand.thermal.L0", "body.L0", "body.thermal.L0"} <= set(made.field_levels)
     values = np.where(made.present == 2, 30.0, np.nan)
     assert np.allclose(made.pool(values, level="body.thermal.L0"), 30)

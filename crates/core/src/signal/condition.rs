@@ -39,6 +39,12 @@ pub enum Zero {
     Stored,
 }
 
+impl Zero {
+    /// Nothing is subtracted, also of readings whose [response](ConditionOptions::response) has other zeros: for a pass that learns
+    /// before zeros are known.
+    pub const AS_READ: Self = Self::At(0.0);
+}
+
 /// Options of conditioning.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct ConditionOptions {

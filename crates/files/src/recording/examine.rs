@@ -64,7 +64,7 @@ pub fn examine<E: From<Error> + From<SignalError>>(
     let pressure = options.threshold.filter(|x| x.is_finite() && *x > 0.0).unwrap_or(USUAL_PRESSURE);
     for _ in 0..Health::PASSES {
         for number in 0..recordings {
-            let zero = health.as_ref().map_or(Zero::At(0.0), Health::zero);
+            let zero = health.as_ref().map_or(Zero::AS_READ, Health::zero);
             let mut recording = open(number, zero)?;
             recording.linearise(pressure)?;
             let channel = recording.touch_channel();

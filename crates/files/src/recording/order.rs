@@ -50,7 +50,7 @@ pub fn find_order<E: From<Error>>(
                 let (found, first) = (reader.width, *first);
                 return Err(fail(OrderError::Columns { number: number + 1, found, first }));
             }
-            let zero = if pass == 0 { Zero::Taken } else { options.condition.zero };
+            let zero = if pass == 0 { Zero::AS_READ } else { options.condition.zero };
             let condition = ConditionOptions { zero, ..options.condition.clone() };
             let options = RecordingOptions { condition, ..options.clone() };
             let recording = Recording::open(columns, reader, &options).map_err(Error::from);
@@ -83,7 +83,7 @@ pub fn map_signals<E: From<Error>>(
     let mut unit = None;
     for pass in 0..ColumnOrder::PASSES {
         for number in 0..recordings {
-            let recording = open(number, if pass == 0 { Zero::Taken } else { zero })?;
+            let recording = open(number, if pass == 0 { Zero::AS_READ } else { zero })?;
             see(&mut order, recording, (&mut unit, number))
                 .map_err(|e| e.in_recording(number, recordings))?;
         }

@@ -166,7 +166,7 @@ impl Health {
 
     /// The zeros that readings must be less in the current pass.
     pub fn zero(&self) -> Zero {
-        if self.pass == 0 { Zero::At(0.0) } else { self.options.zero }
+        if self.pass == 0 { Zero::AS_READ } else { self.options.zero }
     }
 
     /// Begins a recording of which one channel is judged, with readings of these taxels, patch after patch.
