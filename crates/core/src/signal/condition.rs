@@ -209,7 +209,7 @@ impl Conditioner {
             return Err(SignalError::option("the cut-off frequency in Hz", hz, "a positive number"));
         }
         let kinds: Vec<ChannelKind> = channels.iter().map(|channel| channel.kind).collect();
-        let has_zero = !matches!(options.zero, Zero::Taken | Zero::First(0));
+        let has_zero = options.zero != Zero::AS_READ && !matches!(options.zero, Zero::Taken | Zero::First(0));
         let response = options.response.as_ref();
         let becomes_pressure = of_response(channels, response);
         let needs_pressure =
