@@ -232,7 +232,7 @@ fn option_help(error: &Error) -> &'static str {
             }
             SignalError::NoChannel { .. } => "give --channel one of them, or leave it out to take the first",
             SignalError::NoTouch { .. } => {
-                "leave out --zero, --gain and --response, or state the unit with --readings-unit, or `kind` in a layout"
+                "state its unit with --readings-unit, or `kind` in a layout; or leave out --zero, --gain and --response"
             }
             SignalError::NoTimes => "say how many frames come in a second with --rate HZ",
             SignalError::Option { .. } => "change the option: `dermatome help` lists what each takes",
