@@ -128,7 +128,7 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let read = start.elapsed().as_secs_f64();
 
     if let Some(atlas) = atlas.as_ref().filter(|_| options.cut == Cut::Auto)
-        && let Some(seams) = args.atlas.seams(atlas, &skin, common)?
+        && let Some(seams) = args.atlas.seams(atlas, &skin, &others, common)?
     {
         options.cut = seams;
     }
@@ -137,14 +137,14 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let on_progress = |progress| progress::show(&bar, progress);
     let mut built = build_with(&skin, &options, Run::default().telling(&on_progress).counting(&common.steps))
         .with_context(|| format!("cannot map {}", names(&inputs).display()))?;
+    // Patches that could not be mapped are not in the map.
+    others.taxels.extend(skin.patches.iter().flat_map(|patch| patch.taxels.ids.iter()));
+    others.patches.extend(skin.patches.iter().map(|patch| patch.name.clone()));
     if !args.regions.is_empty() {
-        // Patches that could not be mapped are not in the map.
-        others.taxels.extend(skin.patches.iter().flat_map(|patch| patch.taxels.ids.iter()));
-        others.patches.extend(skin.patches.iter().map(|patch| patch.name.clone()));
         args.regions.apply_with(Arc::make_mut(&mut built.map), &others, common)?;
     }
     if let Some(atlas) = &atlas {
-        args.atlas.apply(atlas, &mut built, &skin, &options, common)?;
+        args.atlas.apply(atlas, &mut built, &skin, &options, &others, common)?;
     }
     let title = title(&args.skin, folder);
     let [rasterise, write] = write_files(&built.map, &title, folder, &common.outputs, &bar)?;

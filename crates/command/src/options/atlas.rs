@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use dermatome::Error;
 use dermatome::cut::Cut;
-use dermatome::io::{map_hash, read_landmarks, read_map};
+use dermatome::io::{NotInSkin, map_hash, read_landmarks_with, read_map};
 use dermatome::map::SkinMap;
 use dermatome::pipeline::{BuildOptions, Built};
 use dermatome::registration::{Landmarks, Onto, Registered, carried_seams};
@@ -13,7 +13,7 @@ use dermatome::run::Run;
 use dermatome::skin::{Skin, Taxels};
 
 use crate::console::errors::advise;
-use crate::console::notes::{note, note_columns};
+use crate::console::notes::{note, note_unused};
 use crate::console::print::plain_sentence;
 use crate::options::Common;
 use crate::options::paths::{InPath, LandmarkSource, landmark_source};
@@ -52,11 +52,12 @@ impl AtlasArgs {
         &self,
         atlas: &AtlasMap,
         skin: &Skin,
+        others: &NotInSkin,
         common: &Common,
     ) -> anyhow::Result<Option<Cut>> {
         let common = Common { quiet: true, ..common.clone() };
         let own = skin.patches.iter().map(|patch| (&*patch.name, &patch.taxels));
-        let Some(landmarks) = self.landmarks(own, atlas, &common)? else { return Ok(None) };
+        let Some(landmarks) = self.landmarks(own, atlas, others, &common)? else { return Ok(None) };
         let seams = carried_seams(skin, &self.onto(atlas, &landmarks)).map_err(Error::from)?;
         Ok(seams.iter().any(|edges| !edges.is_empty()).then_some(Cut::Edges(seams)))
     }
@@ -66,13 +67,15 @@ impl AtlasArgs {
         &self,
         own: impl IntoIterator<Item = (&'a str, &'a Taxels)>,
         atlas: &AtlasMap,
+        others: &NotInSkin,
         common: &Common,
     ) -> anyhow::Result<Option<Landmarks>> {
         Ok(match &self.landmarks {
             Some(LandmarkSource::File(path)) => {
-                let table = read_landmarks(path, own, &atlas.map).map_err(Error::from)?;
-                note_columns(path, &table.unused, common);
-                Some(Landmarks::Taxels(table.rows))
+                let (rows, unused) =
+                    read_landmarks_with(path, own, &atlas.map, others).map_err(Error::from)?;
+                note_unused(path, &unused, common);
+                Some(Landmarks::Taxels(rows))
             }
             Some(LandmarkSource::Regions) => Some(Landmarks::Regions),
             None => None,
@@ -86,11 +89,12 @@ impl AtlasArgs {
         built: &mut Built,
         skin: &Skin,
         options: &BuildOptions,
+        others: &NotInSkin,
         common: &Common,
     ) -> anyhow::Result<()> {
         let map = Arc::clone(&built.map);
         let own = map.patches.iter().map(|patch| (&*patch.name, &patch.taxels));
-        let Some(landmarks) = self.landmarks(own, atlas, common)? else { return Ok(()) };
+        let Some(landmarks) = self.landmarks(own, atlas, others, common)? else { return Ok(()) };
         if landmarks == Landmarks::Regions {
             for (map, whose) in [(&*map, "the skin"), (&atlas.map, "the atlas")] {
                 if map.regions().names.is_empty() {

@@ -115,7 +115,7 @@ pub use table::design::{
 pub use table::diff::write_diff;
 #[cfg(feature = "robots")]
 pub use table::joints::{JointTable, read_joint_values, write_joint_values};
-pub use table::landmarks::read_landmarks;
+pub use table::landmarks::{read_landmarks, read_landmarks_with};
 pub use table::lookups::{LookupPlace, LookupRow, LookupWriter};
 pub use table::motion::{MotionFile, read_link_names, read_motion};
 pub use table::order::{read_order, write_order};

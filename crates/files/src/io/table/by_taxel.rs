@@ -98,13 +98,7 @@ impl Homes {
         Self(homes)
     }
 
-    /// The taxel whose id is in a cell; `whose` taxels these are is said in errors.
-    pub(super) fn of(&self, row: Row<'_>, id: usize, whose: &str) -> Result<(PatchId, VertexId), IoError> {
-        let needed = || row.invalid(id, format!("the id of a taxel of {whose}"));
-        self.of_or_other(row, id, whose, &NotInSkin::default())?.ok_or_else(needed)
-    }
-
-    /// The same; none for a taxel of `others`.
+    /// The taxel whose id is in a cell, none if it is of `others`; `whose` taxels these are is said in errors.
     pub(super) fn of_or_other(
         &self,
         row: Row<'_>,

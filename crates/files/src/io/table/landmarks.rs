@@ -6,7 +6,7 @@ use std::path::Path;
 use crate::id::VertexId;
 use crate::io::error::Result;
 use crate::io::file::{Source, excerpt, invalid};
-use crate::io::table::by_taxel::{Homes, TaxelTable};
+use crate::io::table::by_taxel::{Homes, NotInSkin, TaxelTable, Unused};
 use crate::io::table::{Row, Table};
 use crate::map::SkinMap;
 use crate::registration::Landmark;
@@ -27,11 +27,25 @@ pub fn read_landmarks<'a>(
     own: impl IntoIterator<Item = (&'a str, &'a Taxels)>,
     atlas: &SkinMap,
 ) -> Result<TaxelTable<Landmark>> {
+    let (rows, unused) = read_landmarks_with(path, own, atlas, &NotInSkin::default())?;
+    Ok(TaxelTable { rows, unused: unused.columns })
+}
+
+/// As [`read_landmarks`]; rows of taxels that the file of the skin has and the skin has not are counted, and not used.
+///
+/// # Errors
+/// As [`read_landmarks`].
+pub fn read_landmarks_with<'a>(
+    path: &Path,
+    own: impl IntoIterator<Item = (&'a str, &'a Taxels)>,
+    atlas: &SkinMap,
+    others: &NotInSkin,
+) -> Result<(Vec<Landmark>, Unused)> {
     let source = Source::open(path)?;
     let table = Table::of(&source)?;
     let [id, other] = table.columns.need_vector([COLUMNS[0], COLUMNS[1]])?;
     let [called, patch, other_patch] = [2, 3, 4].map(|k: usize| table.columns.find(COLUMNS[k]));
-    let unused = table.columns.unused(&COLUMNS);
+    let columns = table.columns.unused(&COLUMNS);
     let skin = Ids::new(own, patch, "the skin");
     let of_atlas =
         Ids::new(atlas.patches.iter().map(|patch| (&*patch.name, &patch.taxels)), other_patch, "the atlas");
@@ -39,11 +53,17 @@ pub fn read_landmarks<'a>(
         let line = format!("line {} of {}", row.at.line, path.display());
         let called = called.map(|column| row.text(column)).filter(|name| !name.is_empty());
         let name = called.map_or_else(|| line.clone(), |name| format!("{line} ({})", excerpt(name)));
-        Ok(Landmark { name, taxel: skin.taxel(row, id)?, atlas: of_atlas.taxel(row, other)? })
+        let on_atlas = of_atlas.of(row, other)?;
+        Ok(skin.of_or_other(row, id, others)?.map(|taxel| Landmark { name, taxel, atlas: on_atlas }))
     })?;
+    let all = rows.len();
+    let rows: Vec<Landmark> = rows.into_iter().flatten().collect();
     match rows.is_empty() {
         true => Err(invalid(path, "table", "no row", "a row for each landmark, four or more in a patch")),
-        false => Ok(TaxelTable { rows, unused }),
+        false => {
+            let unused = Unused { columns, rows: all - rows.len() };
+            Ok((rows, unused))
+        }
     }
 }
 
@@ -69,13 +89,27 @@ impl<'a> Ids<'a> {
         Self { all, patches, column, whose }
     }
 
-    fn taxel(&self, row: Row<'_>, id: usize) -> Result<(PatchId, VertexId)> {
+    fn of(&self, row: Row<'_>, id: usize) -> Result<(PatchId, VertexId)> {
+        let needed = || row.invalid(id, format!("the id of a taxel of {}", self.whose));
+        self.of_or_other(row, id, &NotInSkin::default())?.ok_or_else(needed)
+    }
+
+    /// The taxel of a row; none if it is of `others`.
+    fn of_or_other(
+        &self,
+        row: Row<'_>,
+        id: usize,
+        others: &NotInSkin,
+    ) -> Result<Option<(PatchId, VertexId)>> {
         let Some((column, name)) =
             self.column.map(|column| (column, row.text(column))).filter(|(_, name)| !name.is_empty())
         else {
-            return self.all.of(row, id, self.whose);
+            return self.all.of_or_other(row, id, self.whose, others);
         };
-        let patch = self.patches.get(name).ok_or_else(|| row.invalid(column, "the name of a patch"))?;
-        patch.of(row, id, self.whose)
+        match self.patches.get(name) {
+            Some(patch) => patch.of_or_other(row, id, self.whose, others),
+            None if others.patches.contains(name) => Ok(None),
+            None => Err(row.invalid(column, "the name of a patch")),
+        }
     }
 }
