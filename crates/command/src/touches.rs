@@ -159,10 +159,11 @@ pub(crate) fn run(args: &Args, common: &Common) -> anyhow::Result<ExitCode> {
     let link = args.link.as_deref().or_else(|| rows.first().map(|row| &*row.link)).unwrap_or_default();
     let made = args.log(&rows, skin.as_ref(), link, common)?;
     let mut drawing = skin.as_ref().map(|skin| Drawing::of_link(skin, link)).transpose();
-    if let (Ok(Some(drawing)), Some(path)) = (&mut drawing, &args.skin)
+    if let (Ok(Some(of_skin)), Some(path)) = (&mut drawing, &args.skin)
         && read_map_if_any(path)?.is_none()
+        && let Err(error) = of_skin.add_bare(&read_draft_of(path, &args.read, false)?, link)
     {
-        drawing.add_bare(&read_draft_of(path, &args.read, false)?, link);
+        drawing = Err(error);
     }
     let options = TouchesOptions {
         taxel_radius: Some(args.taxel),

@@ -198,7 +198,7 @@ fn drawing_of(skin: &Skin, file: Option<&Path>, link: &str) -> Result<Drawing, E
     if let Some(path) = file {
         let is_map = ["glb", "gltf"].contains(&&*file_kind(path)) && read_map(path).is_ok();
         if !is_map {
-            drawing.add_bare(&read_draft(path)?, link);
+            drawing.add_bare(&read_draft(path)?, link)?;
         }
     }
     Ok(drawing)

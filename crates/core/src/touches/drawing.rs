@@ -4,8 +4,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use glam::DVec3;
 
-use crate::id::VertexId;
-use crate::skin::{Draft, LinkId, Patch, Presence, Skin, TaxelId};
+use crate::id::{IdVec, VertexId};
+use crate::skin::{Draft, Link, LinkId, Patch, Presence, Skin, TaxelId};
 use crate::touches::{TouchReadings, TouchesError};
 
 /// A drawing of a skin.
@@ -50,8 +50,11 @@ impl Drawing {
 
     /// Adds the taxels of a file that are in no triangle, and so not in its skin: those of the link of that name, or of all
     /// links if none has it.
-    pub fn add_bare(&mut self, draft: &Draft, link: &str) {
-        let known = draft.links.enumerate().find(|(_, known)| known.name == link).map(|(id, _)| id);
+    ///
+    /// # Errors
+    /// [`TouchesError::SharedLink`] if several links of the name have taxels.
+    pub fn add_bare(&mut self, draft: &Draft, link: &str) -> Result<(), TouchesError> {
+        let known = one_of_name(&draft.links, link, |id| draft.sheets.iter().any(|s| s.link == Some(*id)))?;
         for sheet in draft.sheets.iter().filter(|sheet| known.is_none() || sheet.link == known) {
             for (k, id) in sheet.ids.iter().flatten().enumerate() {
                 let normal = sheet.normals.as_ref().and_then(|normals| normals.get(k));
@@ -62,6 +65,7 @@ impl Drawing {
                 }
             }
         }
+        Ok(())
     }
 }
 
@@ -90,15 +94,23 @@ impl TouchReadings {
     }
 }
 
+/// The link of a name: the one that has taxels, if one has.
+fn one_of_name(
+    links: &IdVec<LinkId, Link>,
+    name: &str,
+    has_taxels: impl Fn(&LinkId) -> bool,
+) -> Result<Option<LinkId>, TouchesError> {
+    let named = || links.enumerate().filter(|(_, link)| link.name == name).map(|(id, _)| id);
+    match named().filter(&has_taxels).count() {
+        links @ 2.. => Err(TouchesError::SharedLink { link: name.to_owned(), links }),
+        _ => Ok(named().find(has_taxels).or_else(|| named().next())),
+    }
+}
+
 /// Whether a patch is on the link of a name; each is if no link has that name and one alone has patches, or the name is empty.
 fn on_link<'a>(skin: &Skin, link: &str) -> Result<impl Fn(&&'a Patch) -> bool + use<'a>, TouchesError> {
-    let named = || skin.links.enumerate().filter(|(_, known)| known.name == link).map(|(id, _)| id);
     let has_patch = |id: &LinkId| skin.patches.iter().any(|patch| patch.link == *id);
-    let links = named().filter(has_patch).count();
-    if links > 1 {
-        return Err(TouchesError::SharedLink { link: link.to_owned(), links });
-    }
-    let known = named().find(has_patch).or_else(|| named().next());
+    let known = one_of_name(&skin.links, link, has_patch)?;
     let with_patches: Vec<String> =
         skin.links.enumerate().filter(|(id, _)| has_patch(id)).map(|(_, link)| link.name.clone()).collect();
     if known.is_none() && !link.is_empty() && with_patches.len() > 1 {
