@@ -468,8 +468,15 @@ impl PySkin {
             given.push((pose_of(&format!("poses[{name:?}]"), &value)?, name));
         }
         let (mut joined, mut remarks) = (Skin::default(), Vec::new());
-        for skin in &skins {
+        for (number, skin) in skins.iter().enumerate() {
             let mut skin = Skin::clone(&skin.get().skin);
+            for (_, name) in &given {
+                let links = skin.links.iter().filter(|link| link.name == *name).count();
+                if links > 1 {
+                    let found = format!("{name:?}, the name of {links} links of skins[{number}]");
+                    return Err(bad("poses", found, "the name of one link of a skin alone"));
+                }
+            }
             set_poses(&mut skin, &given);
             let renamed = joined.append(&skin);
             remarks.extend(renamed.iter().map(ToString::to_string));
