@@ -607,7 +607,7 @@ fn names_and_a_subtracted_zero_are_compared() {
     assert!(
         decoder(&json, &named(["pressure", "temp"])).is_ok() && decoder(&json, &named(["a", "b"])).is_ok()
     );
-    let tared = StreamFacts { is_tared: true, ..facts(&[2, 3]) };
+    let tared = StreamFacts { tared: vec![true], ..facts(&[2, 3]) };
     for (zero, fits) in
         [(json!(0), true), (json!("taken"), true), (json!(7), false), (json!({"first": 2}), false)]
     {

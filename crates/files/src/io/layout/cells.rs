@@ -154,7 +154,7 @@ impl Layout {
     }
 
     /// The axes of one frame.
-    pub(super) fn frame_axes(&self) -> impl Iterator<Item = &str> {
+    pub(in crate::io) fn frame_axes(&self) -> impl Iterator<Item = &str> {
         self.axes.iter().map(String::as_str).filter(|axis| !["frame", "episode"].contains(axis))
     }
 

@@ -53,8 +53,8 @@ pub struct StreamFacts {
     pub units: Vec<String>,
     /// The names of the components; none if the file does not state them.
     pub names: Vec<String>,
-    /// Whether the zero is subtracted already.
-    pub is_tared: bool,
+    /// Whether the zero is subtracted already: of all components, or of each; none: the file does not state it.
+    pub tared: Vec<bool>,
     /// Whether its numbers are floats of 16 bits, to which numbers of `missing` are rounded.
     pub has_halves: bool,
     /// Whether the units follow from sums in the file, and are not written in it.

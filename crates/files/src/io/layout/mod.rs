@@ -61,6 +61,8 @@ pub struct Decoder {
     clock: FrameClock,
     /// Axes of cells: of several, two may be swapped.
     cell_axes: usize,
+    /// Of each channel, whether the file states that its zero is subtracted.
+    tared: Vec<bool>,
     /// The episode whose first frames the zero was taken from.
     zero_of: Option<u64>,
     has_learned: bool,
@@ -100,10 +102,8 @@ impl Decoder {
         let place = |cell: usize| if component.is_some() { place(cell) } else { cell };
         let mut statements = facts.notes.clone();
         let mut sources = Vec::new();
-        if facts.is_tared && !matches!(layout.zero, ZeroRule::Word(ZeroWord::Taken) | ZeroRule::Number(0.0)) {
-            let needed = layout.says(layout.zero.describe());
-            return Err(invalid(file, "zero", "`is_tared` 1: zero is subtracted already", needed));
-        }
+        let is_taken = matches!(layout.zero, ZeroRule::Word(ZeroWord::Taken) | ZeroRule::Number(0.0));
+        let mut tared = Vec::new();
         for (k, rule) in layout.rules.iter().enumerate() {
             let at = rule.component.unwrap_or(0);
             if let Some(other) = facts.names.iter().position(|name| *name == rule.name)
@@ -118,6 +118,15 @@ impl Decoder {
             }
             let scale = layout.scale_of(k, file, facts, &mut statements)?;
             let is_of_touch = layout.channels[k].kind.is_of_touch();
+            // One number is of all components.
+            let is_tared =
+                is_of_touch && facts.tared.get(if facts.tared.len() == 1 { 0 } else { at }) == Some(&true);
+            if is_tared && !is_taken {
+                let of = if facts.tared.len() == 1 { String::new() } else { format!(" of component {at}") };
+                let found = format!("`is_tared` 1{of}: zero is subtracted already");
+                return Err(invalid(file, "zero", found, layout.says(layout.zero.describe())));
+            }
+            tared.push(is_tared);
             let sign = if layout.press == Press::Lowers && !rule.signed && is_of_touch { -1.0 } else { 1.0 };
             let is_amount = layout.channels[k].quantity == Quantity::Extensive;
             sources.push(numbers(&members, &ids, is_amount, |member| Number {
@@ -148,6 +157,7 @@ impl Decoder {
             sources,
             others,
             pressed: (pressed, scale),
+            tared,
             press: layout.press,
             zero: layout.zero.clone(),
             missing: layout.missing_numbers(),
@@ -186,8 +196,9 @@ impl Decoder {
     /// file states that it is subtracted.
     pub fn rest(&self, facts: &StreamFacts) -> KnownRest {
         let (channel, scale) = self.pressed;
-        let is_zero = |c: &Channel| c.kind.is_of_touch() && (facts.is_tared || c.newtons().is_some());
-        let is_zero: Vec<bool> = self.channels.iter().map(is_zero).collect();
+        let is_zero = |c: &Channel| c.kind.is_of_touch() && c.newtons().is_some();
+        let is_zero: Vec<bool> =
+            self.channels.iter().zip(&self.tared).map(|(c, is_tared)| *is_tared || is_zero(c)).collect();
         let zero = if let ZeroRule::Number(zero) = self.zero { zero } else { 0.0 };
         let threshold = facts.threshold.map(|x| (x - zero) * scale.abs());
         let threshold = threshold.filter(|x| *x > 0.0 && is_zero[channel]);

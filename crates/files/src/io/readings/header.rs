@@ -71,7 +71,7 @@ impl About {
             } else {
                 self.channels.iter().map(|c| c.name.clone()).collect()
             },
-            is_tared: self.rest.is_zero.contains(&true),
+            tared: self.rest.is_zero.clone(),
             threshold: self.rest.threshold,
             time_unit: if self.has_times { TimeUnit::of(self.per_second) } else { None },
             ids: self.ids.clone(),

@@ -9,7 +9,7 @@ use crate::io::arrays::read::{Storage, StoredArray, find_array, list_arrays};
 use crate::io::arrays::rows::{ArrayRows, MAX_WHOLE};
 use crate::io::file::invalid;
 use crate::io::file::times::time_column;
-use crate::io::layout::{Layout, StreamFacts, TimeUnit};
+use crate::io::layout::{Layout, Statement, StreamFacts, TimeUnit};
 use crate::io::readings::arrays::{REST, ids_of, read_rest};
 use crate::io::streams::frames::{FileTime, Frames, OpenStream, Wanted};
 use crate::signal::Channel;
@@ -143,10 +143,8 @@ pub(super) fn open(path: &Path, wanted: Wanted<'_>) -> Result<OpenStream, IoErro
     if let Some(names) = named("channels").filter(|names| is_list(names)) {
         facts.names = ArrayRows::open(path, names, names.header.shape[0].min(64) as usize)?.texts(path)?;
     }
-    // As in recordings that need no layout; arrays of more than one number are about something else.
-    let number = |name: &str| named(name).filter(|array| array.header.shape.iter().all(|&side| side == 1));
-    let (rest, notes) = read_rest(path, REST.map(number), &[Channel::default()])?;
-    (facts.is_tared, facts.threshold) = (rest.is_zero_in(0), rest.threshold);
+    let components = wanted.layout.map_or(1, |layout| components(layout, &facts.cells));
+    let notes = read_rest_of(path, components, &mut facts, named)?;
     facts.notes.extend(notes);
     if let Some(units) = named("units").filter(|units| is_list(units)) {
         facts.units = ArrayRows::open(path, units, units.header.shape[0].min(64) as usize)?.texts(path)?;
@@ -176,6 +174,33 @@ pub(super) fn open(path: &Path, wanted: Wanted<'_>) -> Result<OpenStream, IoErro
         bytes: Vec::new(),
     };
     Ok(OpenStream { facts, frames: Some(total), sheet: None, source: Box::new(source) })
+}
+
+/// How many components a frame has.
+fn components(layout: &Layout, cells: &[usize]) -> usize {
+    let axis = layout.frame_axes().position(|axis| axis == "component");
+    axis.and_then(|axis| cells.get(axis)).copied().unwrap_or(1)
+}
+
+/// What is known at rest, as in recordings that need no layout: one number, or for `is_tared` one of each component. Arrays of
+/// more numbers are about something else.
+fn read_rest_of<'a>(
+    path: &Path,
+    components: usize,
+    facts: &mut StreamFacts,
+    named: impl Fn(&str) -> Option<&'a StoredArray>,
+) -> Result<Vec<Statement>, IoError> {
+    let numbers = |name: &str| {
+        let is_one = |shape: &[u64]| shape.iter().all(|&side| side == 1);
+        let is_each = |shape: &[u64]| name == REST[0] && *shape == [components as u64];
+        named(name).filter(|array| is_one(&array.header.shape) || is_each(&array.header.shape))
+    };
+    let name = |k: usize| facts.names.get(k).cloned().unwrap_or_else(|| format!("component {k}"));
+    let channels: Vec<Channel> =
+        (0..components).map(|k| Channel { name: name(k), ..Channel::default() }).collect();
+    let (rest, notes) = read_rest(path, REST.map(numbers), &channels)?;
+    (facts.tared, facts.threshold) = (rest.is_zero, rest.threshold);
+    Ok(notes)
 }
 
 /// All times of an array.
