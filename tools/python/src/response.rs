@@ -6,10 +6,7 @@ use dermatome::{
     SkinMap,
     io::{Readings, ReadingsReader, read_response, write_response},
     recording::{Recording, RecordingOptions, Reference, examine, find_order, respond},
-    signal::{
-        ConditionOptions, HealthOptions, HealthReport, OrderedColumn, Response, TaxelResponse, TaxelState,
-        Zero,
-    },
+    signal::{ConditionOptions, HealthOptions, OrderedColumn, Response, TaxelResponse, TaxelState, Zero},
     skin::TaxelId,
 };
 use numpy::PyArray1;
@@ -259,28 +256,29 @@ pub(crate) fn examine_taxels<'py>(
     let modules = modules.into_iter().map(|(id, module)| (TaxelId(id), module)).collect();
     let options = HealthOptions { threshold, modules, zero: zero_of(zero) };
     let map = Arc::clone(&map.get().map);
-    let names: Vec<String> = map.patches.iter().map(|patch| patch.name.clone()).collect();
+    let known = Arc::clone(&map);
     let made = run(py, 0, move |stop| {
-        examine(&map, &options, readings.len(), |number, zero| {
+        examine(&known, &options, readings.len(), |number, zero| {
             stop.check();
-            opened(&map, &readings[number], zero, None)
+            opened(&known, &readings[number], zero, None)
         })
     })?;
-    let HealthReport { findings, response, .. } = made.map_err(error)?;
+    let report = made.map_err(error)?;
+    let sentences = report.sentences(map.patches.iter().map(|patch| (&*patch.name, &patch.taxels)));
     let mut all = Vec::new();
-    for finding in &findings {
+    for (finding, sentence) in report.findings.iter().zip(sentences) {
         let object = PyDict::new(py);
         object.set_item("kind", finding.kind.to_string())?;
-        object.set_item("patch", &names[finding.patch.index()])?;
+        object.set_item("patch", &map.patches[finding.patch].name)?;
         object.set_item("taxels", finding.taxels.iter().map(|id| id.0).collect::<Vec<_>>())?;
         object.set_item("other", finding.other.map(|id| id.0))?;
         let evidence = PyDict::new(py);
         finding.evidence.iter().try_for_each(|(name, x)| evidence.set_item(name, x))?;
         object.set_item("evidence", evidence)?;
-        object.set_item("message", finding.to_string())?;
+        object.set_item("message", sentence)?;
         all.push(object);
     }
-    Ok((all, PyResponse { response: Arc::new(response) }))
+    Ok((all, PyResponse { response: Arc::new(report.response) }))
 }
 
 /// Which column of recordings is of which taxel: its id, or -1, its support, and how well the order fits. `known` are

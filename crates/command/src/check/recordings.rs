@@ -1,6 +1,5 @@
 //! `check --recording`: the taxels that cannot be trusted, as recordings of ordinary touches show.
 
-use std::collections::HashMap;
 use std::sync::Arc;
 
 use dermatome::Error;
@@ -8,7 +7,7 @@ use dermatome::io::{read_modules, write_response};
 use dermatome::map::SkinMap;
 use dermatome::recording::examine;
 use dermatome::signal::{HealthFinding, HealthOptions, HealthReport};
-use dermatome::skin::{Skin, TaxelId};
+use dermatome::skin::Skin;
 use serde_json::{Value, json};
 
 use crate::console::errors::advise;
@@ -91,17 +90,9 @@ impl RecordingArgs {
 
 /// What was found, a line each, with its patch where several have the same id, and how much was tested.
 pub(super) fn sentences(report: &HealthReport, skin: &Skin) -> String {
-    let HealthReport { findings, taxels, tested, without_readings, frames, recordings, threshold, .. } =
-        report;
-    let mut patches = HashMap::<TaxelId, usize>::new();
-    let ids = skin.patches.iter().flat_map(|patch| patch.taxels.ids.iter());
-    ids.for_each(|id| *patches.entry(*id).or_default() += 1);
-    let fault = |finding: &HealthFinding| {
-        let is_shared = finding.taxels.iter().any(|id| patches.get(id).is_some_and(|count| *count > 1));
-        let patch = if is_shared { format!("{}: ", skin.patches[finding.patch].name) } else { String::new() };
-        line(&format!("error: {patch}{finding}")) + "\n"
-    };
-    let faults: String = findings.iter().map(fault).collect();
+    let HealthReport { taxels, tested, without_readings, frames, recordings, threshold, .. } = report;
+    let found = report.sentences(skin.patches.iter().map(|patch| (&*patch.name, &patch.taxels)));
+    let faults: String = found.iter().map(|found| line(&format!("error: {found}")) + "\n").collect();
     let of = if *recordings == 1 { String::new() } else { format!(" of {recordings} recordings") };
     let missing =
         if *without_readings == 0 { String::new() } else { format!(", {without_readings} without readings") };

@@ -1,10 +1,11 @@
 //! What a recording shows of the taxels.
 
+use std::collections::HashMap;
 use std::fmt;
 
 use crate::id::VertexId;
 use crate::signal::{Response, TaxelState};
-use crate::skin::{PatchId, TaxelId};
+use crate::skin::{PatchId, TaxelId, Taxels};
 
 /// What recordings show of the taxels of a skin.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -46,6 +47,23 @@ pub struct HealthFinding {
     pub other: Option<TaxelId>,
     /// The numbers that show it, with their names.
     pub evidence: Vec<(&'static str, f64)>,
+}
+
+impl HealthReport {
+    /// A sentence for each finding, with its patch where several patches have the same id; `patches` are those of the skin,
+    /// their names and taxels.
+    pub fn sentences<'a>(&self, patches: impl IntoIterator<Item = (&'a str, &'a Taxels)>) -> Vec<String> {
+        let patches: Vec<(&str, &Taxels)> = patches.into_iter().collect();
+        let mut counts = HashMap::<TaxelId, usize>::new();
+        let ids = patches.iter().flat_map(|(_, taxels)| taxels.ids.iter());
+        ids.for_each(|id| *counts.entry(*id).or_default() += 1);
+        let is_shared = |id: &TaxelId| counts.get(id).is_some_and(|count| *count > 1);
+        let sentence = |finding: &HealthFinding| match finding.taxels.iter().any(is_shared) {
+            true => format!("{}: {finding}", patches[finding.patch.index()].0),
+            false => finding.to_string(),
+        };
+        self.findings.iter().map(sentence).collect()
+    }
 }
 
 impl HealthFinding {
