@@ -29,6 +29,8 @@ def from_xarray(make: Any, array: Any) -> Readings:
     from dermatome._rest import rested
 
     dims: list[str] = list(getattr(array, "dims", ()))
+    if hasattr(array, "data_vars"):
+        raise ArgumentError(f"array: found {type(array).__name__} of {[str(name) for name in array.data_vars]}; needed: a DataArray, as dataset[name] is")
     if sorted(dims) not in (["taxel", "time"], ["channel", "taxel", "time"]):
         raise DataError(f"array: found the axes {dims}; needed: time and taxel, and channel if there are several")
     array = array.transpose("time", *(["channel"] if "channel" in dims else []), "taxel")
@@ -91,7 +93,8 @@ def from_pandas(make: Any, table: Any, units: Any) -> Readings:
     columns, index = list(table.columns), table.index
     ids: list[int] = []
     for column in columns:
-        text = str(column)
+        # A pivot makes floats of whole numbers.
+        text = str(int(column)) if isinstance(column, float) and column.is_integer() else str(column)
         if not text.isdecimal():
             raise DataError(f"table: found the column {text!r}; needed: ids of taxels; table.drop(columns={[text]}) leaves it out")
         ids.append(int(text))
@@ -155,13 +158,25 @@ def crop(readings: Readings, begin: float | None, end: float | None) -> Readings
 
 
 def resample(readings: Readings, rate: float) -> Readings:
-    """The same recording with this many frames per second."""
+    """The same recording with this many frames per second; each episode for itself."""
     import numpy as np
 
-    times, values = readings.timestamps, readings.values
     rate = number_of("rate", rate, "frames per second above 0")
     if not 0 < rate < float("inf"):
         raise DataError(f"rate: found {rate}; needed: frames per second above 0")
+    made = [_resampled(part, rate) for part in readings.by_episode()]
+    if readings.episodes is None:
+        return made[0]
+    episodes = np.repeat(np.array([part.episode for part in made]), [len(part) for part in made])
+    measured: Any = None if readings.measured is None else np.concatenate([part.measured for part in made])
+    values, times = np.concatenate([part.values for part in made]), np.concatenate([part.timestamps for part in made])
+    return replace(readings, values=values, timestamps=times, measured=measured, episodes=episodes)
+
+
+def _resampled(readings: Readings, rate: float) -> Readings:
+    import numpy as np
+
+    times, values = readings.timestamps, readings.values
     if len(times) < 2 or not np.isfinite(times).all() or (np.diff(times) <= 0).any():
         raise DataError("readings: found times that do not increase; needed: a time for each of two or more frames")
     step = float(np.median(np.diff(times)))

@@ -343,7 +343,7 @@ class Readings:
     def resample(self, rate: float) -> Readings:
         """The recording with `rate` frames per second: the mean of the frames around each new one, or what lies between two.
 
-        Between frames further apart than 2.5 of their median step there is nothing: NaN.
+        Between frames further apart than 2.5 of their median step there is nothing: NaN. Each episode is one of its own.
 
         Raises
         ------
@@ -384,6 +384,8 @@ class Readings:
 
         if self.episodes is None:
             return [self]
+        if not len(self):
+            return [replace(self, episodes=None)]
         begins = np.flatnonzero(np.diff(self.episodes)) + 1
         bounds = [0, *begins.tolist(), len(self)]
         parts = [self[first:end] for first, end in zip(bounds, bounds[1:])]
@@ -789,12 +791,15 @@ class Readings:
         FileError
             If it cannot be written.
         DataError
-            If some frames have times and others none, there is no frame, or the threshold is no number above 0.
+            If some frames have times and others none, there is no frame or there are several episodes, or the threshold is no
+            number above 0.
         """
         import numpy as np
 
         if not len(self):
             raise DataError("readings: found no frame; needed: one or more")
+        if len(parts := self.by_episode()) > 1:
+            raise DataError(f"readings: found {len(parts)} episodes; needed: one, as the file has no place for their numbers; by_episode() gives each")
         if self.threshold is not None and not 0 < self.threshold < float("inf"):
             raise DataError(f"threshold: found {self.threshold}; needed: a number above 0, or None")
 

@@ -312,7 +312,7 @@ class Touches(torch.utils.data.Dataset):  # type: ignore[misc, type-arg, unused-
             numbers = frames_of(frame, len(self))
             chosen = np.flatnonzero(numbers) if numbers.dtype == bool else numbers
             return subset(self, [range(len(self))[int(k)] for k in chosen])
-        return self.__getitems__([frame])[0]
+        return self.__getitems__(frames_of(frame, len(self)))[0]
 
     def __getitems__(self, frames: Sequence[int]) -> list[dict[str, Any]]:
         """Some frames at once, which a loader asks for."""
