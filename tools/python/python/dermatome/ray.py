@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import inspect
+import json
 import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -14,6 +15,7 @@ from dermatome._arguments import items_of, mapping_of, one_of, path_of, whole_of
 from dermatome._dermatome import Index, Layout, Map
 from dermatome._errors import DataError, Error, FileError
 from dermatome._readings import Readings
+from dermatome._recording import layout_of
 from dermatome._whole import written
 
 __all__ = ["Lookup", "Render", "episodes", "total", "touch_counts"]
@@ -28,6 +30,15 @@ def _options_of(renderer: Any) -> dict[str, Any]:
     """Arguments of `Map.renderer`, but those that follow from the recording."""
     known = [name for name in inspect.signature(Map.renderer).parameters if name not in ("self", "level", "channels", "extensive", "modality")]
     return {one_of("renderer", name, known): value for name, value in mapping_of("renderer", renderer, "a dict of arguments of Map.renderer").items()}
+
+
+def _plain(value: Any) -> Any:
+    """What a value says, as JSON has it: of a map and a layout all that is in them."""
+    if isinstance(value, Map):
+        return hashlib.sha256(value.to_bytes()).hexdigest()
+    if isinstance(value, Layout):
+        return value.text
+    return value.tolist() if hasattr(value, "tolist") else repr(value)
 
 
 class Lookup:
@@ -161,10 +172,11 @@ class Render:
         layout: Layout | str | os.PathLike[str] | Mapping[str, Any] | None = None,
     ) -> None:
         self.map = _map_of(map)
-        self._hash = hashlib.sha256(self.map.to_bytes()).hexdigest()
         self.folder, self.level = Path(path_of("folder", folder)), level
         self.options = None if renderer is None else _options_of(renderer)
-        self._opening: dict[str, Any] = {"stream": stream, "layout": layout}
+        self._hash = _plain(self.map)
+        # A file is read here: files of images follow from what it says, and not from its name.
+        self._opening: dict[str, Any] = {"stream": stream, "layout": layout if isinstance(layout, str) and layout in ("tnc", "tcn") else layout_of(layout)}
         self._draw: dict[Any, Any] = {}
         self._recording: Any = None
         self._values(Readings.from_arrays([[0.0] * self.map.n_taxels]))  # What cannot be drawn is an error before any episode is read.
@@ -203,7 +215,8 @@ class Render:
     def _made_by(self, row: dict[str, Any]) -> str:
         """What a file follows from, as a number: map, level, renderer, how recordings are read, and the recording as it is."""
         about = os.stat(row["path"])
-        text = repr((self._hash, self.level, self.options, self._opening, row["path"], row["episode"], about.st_size, about.st_mtime_ns))
+        of_row = row["path"], row["episode"], about.st_size, about.st_mtime_ns
+        text = json.dumps((self._hash, self.level, self.options, self._opening, *of_row), default=_plain, sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()
 
     def _episode(self, row: dict[str, Any]) -> Any:
