@@ -248,6 +248,14 @@ def test_ray_draws_episodes_and_goes_on_where_it_was(dome_map, tmp_path):
     changed = adapter.Render(dome_map.to_bytes(), tmp_path / "images", 0, {"size": (16, 24), "fill": 0.0}, layout=layout)(rows[0])
     for said in (other, changed):
         assert said["frames"] == 0 and "another map, level, renderer or recording; needed: another folder" in said["error"]
+    # What says the same is the same, whatever its type; what a layout of one name says is not.
+    same = adapter.Render(dome_map.to_bytes(), tmp_path / "images", 0, {"fill": 0.0, "size": [np.int64(16), 24]}, layout=dermatome.Layout.parse(json.dumps(layout)))
+    assert same(rows[0])["frames"] == 20
+    for k, unit in enumerate(("N", "mN")):
+        (tmp_path / "layout.json").write_text(json.dumps(layout | {"channels": [{"name": "force", "unit": unit}]}))
+        for given in (tmp_path / "layout.json", dermatome.Layout.read(tmp_path / "layout.json")):
+            said = adapter.Render(dome_map.to_bytes(), tmp_path / "by file", 1, layout=given)(rows[0])
+            assert (said["frames"], bool(said["error"])) == ((0, True) if k else (20, False))
     (tmp_path / "images/glove.000001.npz").write_bytes(b"PK damaged")
     assert "cannot be read" in adapter.Render(dome_map.to_bytes(), tmp_path / "images", 1, layout=layout)(rows[1])["error"]
 

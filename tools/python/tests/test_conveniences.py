@@ -74,6 +74,8 @@ def test_xarray_there_and_back(two_channels):
         assert np.array_equal(back.ids, two_channels.ids) and np.array_equal(back.timestamps, two_channels.timestamps)
     with pytest.raises(DataError, match="axes"):
         Readings.from_xarray(array.rename(taxel="column"))
+    with pytest.raises(dermatome.ArgumentError, match=r"found Dataset of \['readings'\]; needed: a DataArray"):
+        Readings.from_xarray(array.to_dataset())
     # A channel alone keeps its name, and a threshold is of the channel that it was of.
     named = replace(two_channels, units=("", ""), threshold=0.5)
     for name, threshold in (("force", 0.5), ("temperature", None)):
@@ -99,8 +101,11 @@ def test_pandas(two_channels):
     dated = table.set_axis(pandas.date_range("2026-01-01", periods=6, freq="100ms"), axis=0)
     assert np.diff(Readings.from_pandas(dated).timestamps) == pytest.approx(0.1, abs=1e-6)
     assert np.isnan(Readings.from_pandas(table.reset_index(drop=True)).timestamps).all()
-    with pytest.raises(DataError, match="'time'"):
-        Readings.from_pandas(table.assign(time=0.0))
+    # Of a pivot numbers of columns are floats.
+    assert Readings.from_pandas(table.rename(columns=float)).ids.tolist() == two_channels.ids.tolist()
+    for name in ("time", 7.5):
+        with pytest.raises(DataError, match=f"'{name}'"):
+            Readings.from_pandas(table.assign(**{"new": 0.0}).rename(columns={"new": name}))
 
 
 def test_parts_of_a_recording(two_channels):
@@ -171,8 +176,21 @@ def test_episodes_begin_anew_in_python_as_in_the_command(rough_map):
     assert [part.episode for part in whole.by_episode()] == [0, 1] and [len(part) for part in whole[10:].by_episode()] == [len(parts[0]) - 10, len(parts[1])]
     again = whole.by_episode()[1]
     assert again.episodes is None and np.array_equal(again.values, parts[1].values, equal_nan=True)
+    resampled = whole.resample(5.0)
+    assert np.array_equal(resampled.values, np.concatenate([part.resample(5.0).values for part in parts]), equal_nan=True)
+    assert [len(part) for part in resampled.by_episode()] == [len(part.resample(5.0)) for part in parts]
+    none = whole[:0]
+    assert [len(part) for part in none.by_episode()] == [0] and none.condition(rough_map).values.shape == none.values.shape
     findings = dermatome.examine(rough_map, whole)[0]
     assert [each["message"] for each in findings] == [each["message"] for each in dermatome.examine(rough_map, parts)[0]]
+
+
+def test_a_file_has_one_episode(rough_map, tmp_path):
+    whole, parts = joined_episodes(rough_map)
+    with pytest.raises(DataError, match="found 2 episodes; needed: one"):
+        whole.write(tmp_path / "a.npz")
+    whole.by_episode()[1].write(tmp_path / "a.npz")
+    assert np.array_equal(Readings.read(tmp_path / "a.npz").values, parts[1].values, equal_nan=True)
 
 
 def test_a_read_recording_knows_its_episodes(dome_map, tmp_path):

@@ -108,6 +108,9 @@ def test_touches_are_images_fields_and_contacts(uneven_map, holed_map):
     assert torch.equal(touches[-1]["image"], batch["image"][-1])
     with pytest.raises(IndexError):
         touches[len(touches)]
+    for index in (1.5, "a", None, [0.5]):
+        with pytest.raises(dermatome.ArgumentError, match="frames: found"):
+            touches[index]
     found = Touches(holed_map, dermatome.touch(holed_map, presses=1)[0])
     assert 0 < found.contacts["touched"].mean() < 1 and found.contacts["force"].max() > 0.1
     # Of another unit the force is not known, but the touch is.
