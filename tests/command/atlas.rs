@@ -8,6 +8,7 @@ use dermatome::io::{read_map, write_skin};
 use dermatome::mesh::shapes;
 use dermatome::pyramid::LevelId;
 use dermatome::skin::{Patch, PatchId, Skin};
+use predicates::str::contains;
 
 /// A sheet of 15 x 9 taxels, `other.glb`, with its map; a wider one, `skin.glb`, in two patches, with a table of places that
 /// both have; and a touch of it.
@@ -141,6 +142,18 @@ fn landmarks_of_patches_that_share_ids_name_the_patch() {
     let twice = table.join("\n") + "\nthumb,left,,1,2\n";
     fs::write(at.join("named.csv"), twice).unwrap();
     refuses(at, &format!("{build} named.csv"), &["(\"n1\")", "(\"thumb\")", "one place"]);
+}
+
+/// A table of landmarks is of the whole file: rows of patches that were not chosen are counted, and not used.
+#[test]
+fn landmarks_of_patches_that_are_not_chosen_are_counted() {
+    let folder = folder();
+    let at = folder.path();
+    let build = "build skin.glb -o left --patch left --atlas other/map.glb --landmarks places.csv";
+    dermatome(at, build).assert().success().stderr(contains("5 rows"));
+    let places = fs::read_to_string(at.join("places.csv")).unwrap();
+    fs::write(at.join("places.csv"), places + "9999,1\n").unwrap();
+    refuses(at, build, &["line 12", "taxel_id", "9999"]);
 }
 
 /// A map on an atlas says so, and by what.

@@ -1106,6 +1106,16 @@ fn archives_are_compared_with_a_layout() {
     let mut other = channels.clone();
     other["zero"] = 5.into();
     assert!(message(laid(&[data(), tared()], &axes, other)).contains("`is_tared` 1"));
+    // One number for each component, of which the layout has the first or the second.
+    for (component, fits) in [(0, true), (1, false)] {
+        let each = ("is_tared", npy("|u1", &[2], &[0, 1]));
+        let mut other = channels.clone();
+        other["zero"] = 5.into();
+        other["channels"][0]["component"] = component.into();
+        let said =
+            laid(&[data(), each], &axes, other).err().map_or_else(String::new, |error| error.to_string());
+        assert_eq!(said.contains("`is_tared` 1 of component 1"), !fits, "{said}");
+    }
     let folder = TempDir::new().unwrap();
     let path = folder.path().join("a.npz");
     fs::write(&path, npz(&[data(), tared(), ("threshold", f8(&[], &[0.5]))], false)).unwrap();

@@ -7,7 +7,7 @@ use dermatome::id::IdVec;
 use dermatome::io::{read_observations, write_touch_contacts};
 use dermatome::mesh::shapes;
 use dermatome::signal::Channel;
-use dermatome::skin::{Link, LinkId, Motion, MotionFrame, Skin, TaxelId};
+use dermatome::skin::{Draft, Link, LinkId, Motion, MotionFrame, Sheet, Skin, TaxelId};
 use dermatome::touches::{
     ArmOptions, ArmSimulation, Drawing, LeftOutReading, LogFaults, LogFindingKind, RowSources, TouchBody,
     TouchContact, TouchFrame, TouchLog, TouchReadings, TouchRow, TouchesOptions, contacts_of_touches,
@@ -543,4 +543,18 @@ fn a_link_that_the_skin_lacks_is_refused() {
     assert!(Drawing::of_link(&skin, "hand").is_ok() && Drawing::of_link(&skin, "").is_ok());
     let error = Drawing::of_link(&skin, "Hand").unwrap_err().to_string();
     assert!(error.contains("hand, arm"), "{error}");
+    // Taxels in no triangle, too, are of one link of a name.
+    let bare = |k: usize| Sheet {
+        link: Some(LinkId::new(k)),
+        ids: Some(vec![TaxelId(200)]),
+        positions: vec![DVec3::ZERO],
+        ..Sheet::default()
+    };
+    let mut draft =
+        Draft { links: vec![link("hand"), link("hand")].into(), sheets: vec![bare(1)], ..Draft::default() };
+    let mut drawing = Drawing::of_link(&skin, "hand").unwrap();
+    assert!(drawing.add_bare(&draft, "hand").is_ok());
+    draft.sheets.push(bare(0));
+    let error = drawing.add_bare(&draft, "hand").unwrap_err().to_string();
+    assert!(error.contains("hand"), "{error}");
 }

@@ -579,9 +579,14 @@ def test_skins_of_several_links(tmp_path):
     assert twice.patches == ("palm", "palm.1", "tip") and twice.links == ("base", "thumb")
     assert twice.remarks == ("palm: the name is taken; this patch is now palm.1", "30 ids belong to several taxels, which share their readings")
     assert dermatome.Skin.join([hand, palm]).links == ("base", "thumb")
+    other = dermatome.Skin.from_arrays(positions, faces, patch="tip", link="bose")
+    dermatome.Skin.join([palm, other]).write(tmp_path / "twins.glb")
+    (tmp_path / "twins.glb").write_bytes((tmp_path / "twins.glb").read_bytes().replace(b'"bose"', b'"base"'))
+    twins = dermatome.Skin.read(tmp_path / "twins.glb")
     for wrong, text in (
         (lambda: dermatome.Skin.join([hand, thumb]), "skins: found two links \"thumb\" with another parent or pose"),
         (lambda: dermatome.Skin.join([palm], poses={"thumb": away}), "poses: found \"thumb\""),
+        (lambda: dermatome.Skin.join([twins], poses={"base": away}), "the name of 2 links of skins"),
         (lambda: dermatome.Skin.join([palm], poses={"base": 2 * away}), "last row"),
         (lambda: dermatome.Skin.join([palm], poses={"base": np.diag([2, 1, 1, 1])}), "no rigid pose"),
     ):

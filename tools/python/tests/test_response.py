@@ -67,6 +67,12 @@ def test_faulty_taxels_are_found_and_masked(sheet, touched):
     findings, states = dermatome.examine(sheet, dermatome.Readings.from_arrays(values, timestamps=readings.timestamps))
     assert [(finding["kind"], finding["taxels"], finding["patch"]) for finding in findings] == [("dead", [41], "sheet")]
     assert findings[0]["evidence"]["frames"] == len(values) and states.scale is None and states.states[40] == "dead"
+    assert "sheet: " not in findings[0]["message"]
+    # Where patches share ids the message has the patch.
+    skins = [dermatome.Skin.from_arrays(sheet.patches["sheet"].levels[0].positions, patch=name, link=name) for name in ("a", "b")]
+    both = dermatome.build(dermatome.Skin.join(skins))
+    twice = dermatome.Readings.from_arrays(np.concatenate([readings.values, values], axis=2), timestamps=readings.timestamps)
+    assert [finding["message"][:3] for finding in dermatome.examine(both, twice)[0]] == ["b: "]
     masked = dermatome.Readings.from_arrays(values).condition(sheet, response=states)
     assert np.isnan(masked.values[:, 0, 40]).all() and np.isfinite(masked.values[:, 0, 39]).all()
 
