@@ -168,7 +168,8 @@ def resample(readings: Readings, rate: float) -> Readings:
     if readings.episodes is None:
         return made[0]
     episodes = np.repeat(np.array([part.episode for part in made]), [len(part) for part in made])
-    measured: Any = None if readings.measured is None else np.concatenate([part.measured for part in made])
+    masks: list[Any] = [part.measured for part in made]
+    measured: Any = None if readings.measured is None else np.concatenate(masks)
     values, times = np.concatenate([part.values for part in made]), np.concatenate([part.timestamps for part in made])
     return replace(readings, values=values, timestamps=times, measured=measured, episodes=episodes)
 
