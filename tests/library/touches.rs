@@ -425,6 +425,19 @@ fn what_is_no_log_of_a_skin_in_metres_is_refused() {
     };
     assert_eq!(kind(&scaled(1e3)), ("radius", LogFindingKind::Radius));
     assert_eq!(kind(&scaled(10.0)), ("profile", LogFindingKind::Readings));
+    // With a drawing the fit of bodies judges them: noise of the arm makes readings unlike those of spheres, too.
+    let mut log = simulation.log.clone();
+    let placed = || (0..).map(TaxelId).zip(&simulation.truth);
+    let drawing = Drawing {
+        positions: placed().map(|(id, pose)| (id, pose.position)).collect(),
+        normals: placed().map(|(id, pose)| (id, pose.rotation * DVec3::Z)).collect(),
+        ..Drawing::default()
+    };
+    let drawn = TouchesOptions { drawing: Some(drawing), ..TouchesOptions::default() };
+    let is_unlike = |log: &TouchLog| contacts_of_touches(log, &drawn).unwrap().summary.unlike_spheres;
+    assert!(!is_unlike(&log));
+    log.frames.iter_mut().for_each(scaled(10.0));
+    assert!(is_unlike(&log));
     let in_mm = |frame: &mut TouchFrame| {
         if let TouchBody::Sphere { centre, .. } = &mut frame.body {
             *centre *= 1e3;

@@ -127,6 +127,9 @@ pub struct TouchesSummary {
     pub arm_noise: f64,
     /// Standard deviation of readings, in their unit, if they were fitted.
     pub reading_noise: Option<f64>,
+    /// Whether readings differ by more than twice the usual largest one from what spheres of the radii give: a radius or poses are wrong,
+    /// or the noise of the arm is some millimetres.
+    pub unlike_spheres: bool,
     /// Distance of neighbouring taxels, in m, if there are several.
     pub spacing: Option<f64>,
     /// Rows in which the centre of the sphere is inside the skin as drawn.
@@ -276,6 +279,7 @@ impl Rows<'_> {
             delay: estimates.delay,
             arm_noise: self.arm_noise(),
             reading_noise: (fitted > 0).then_some(estimates.noise.reading),
+            unlike_spheres: false,
             spacing: estimates.spacing,
             inside: self.options.rows_inside(log),
         };

@@ -18,7 +18,7 @@ pub enum TouchesError {
     #[error("line {row}: {what} is not valid; needed: {needed}")]
     InvalidFrame { row: usize, what: &'static str, needed: &'static str },
     #[error(
-        "line {row}: taxel {id} has the reading {reading}; needed: a number from 1e-100 to 1e100, and only active taxels"
+        "line {row}: taxel {id} has the reading {reading:e}; needed: a number from 1e-100 to 1e100, and only active taxels"
     )]
     BadReading { row: usize, id: TaxelId, reading: f64 },
     #[error("line {row}: taxel {id} comes twice; needed: every active taxel once")]

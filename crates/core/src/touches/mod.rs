@@ -135,7 +135,7 @@ pub fn contacts_of_touches_with(
     let mut found = rows.collect();
     found.summary.frames = log.frames.len();
     found.summary.untimed = log.frames.len() - used.frames.len();
-    found.check(log)?;
+    found.check(log, options.drawing.is_some())?;
     Ok(found)
 }
 

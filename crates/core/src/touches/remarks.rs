@@ -74,6 +74,13 @@ impl TouchContacts {
                  px,py,pz and the normals of the drawing"
             ));
         }
+        if summary.unlike_spheres {
+            said.push(
+                "the readings are not those of spheres of these radii; check the radius of the body in m and the poses, unless the \
+                 noise of the arm is some millimetres"
+                    .to_owned(),
+            );
+        }
         said.extend(summary.delay.and_then(|delay| delay.remark()));
         if summary.untimed > 0 {
             let frames = count(summary.untimed, "frame has", "frames have");
