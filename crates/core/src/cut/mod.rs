@@ -29,13 +29,6 @@
 //! shows to pay (`decide`); a plain disk is cut where its map is poor without, as that of a fingertip, or where a
 //! limit of the area ratio requires it. The trials are made on a level of a few thousand faces; the seam found there is then followed on the skin
 //! itself and shortened again (`recipe`).
-//!
-//! # Files, in reading order
-//!
-//! - `error`: why a surface cannot be cut; `cut_mesh`: a mesh cut open
-//! - `seam_graph`: the closed surface and its shortest paths; `handles`, `cones`, `shorten`: the steps
-//! - `recipe`: a seam, and one of a level on the skin; `trial`: the map after a cut; `decide`: the rule
-//! - `given`: seams from a user
 
 mod cones;
 mod cut_mesh;

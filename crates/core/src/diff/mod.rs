@@ -25,10 +25,6 @@
 //! # Ok::<(), dermatome::diff::DiffError>(())
 //! ```
 //!
-//! In reading order: `change` (options and results); `explain` calls the others; `pairs` matches taxels, `align` finds the motion of most of them, `spread`
-//! what neighbours share and how much differences usually spread, `comparison` tests a link, `modules` its modules, `taxels`
-//! its single taxels, `independent` both of white noise; `attributes` compares links, normals, areas and modules.
-//!
 //! Not guaranteed: where more than half of a link changed, the rest is reported instead. The spread is an estimate from
 //! the differences themselves: of 100 pairs of calibrations of one skin with 47 modules, none showed a change.
 

@@ -31,11 +31,6 @@
 //! # Not guaranteed
 //!
 //! Between landmarks nothing says where a place belongs: the largest error of hands is some 10 mm.
-//!
-//! # Files in reading order
-//!
-//! `landmarks` (what is the same), `place` (similarity), `field`, `contradict` (landmarks that are exchanged or far off),
-//! `bend`; `seam` and `banks` (closed skins).
 
 mod banks;
 mod bend;
