@@ -30,10 +30,10 @@ const MOST_VERTICES: usize = 4000;
 const ROUNDS: u32 = 25;
 const HELD_ALONE: u32 = 8;
 
-/// How often rotations and positions are found in turn in a round.
+/// How often rotations and positions are found in turn in a round. Half gives the same seam of a closed hand.
 const TURNS: usize = 4;
 
-/// How much stiffer landmarks are than an edge.
+/// How much stiffer landmarks are than an edge. Half gives the same seam of a closed hand.
 const HOLD: f64 = 1e3;
 
 /// How strongly a vertex is drawn to the skin at first, as a share of an edge; it doubles every three rounds. Half and double
