@@ -6,6 +6,18 @@
 //! The atlas is bent in space, as rigidly as possible `(sorkine2007)`: its landmarks are held at those of the skin, and
 //! other vertices are drawn to the nearest place of the skin that faces their way, more and more. The ends and branches of its
 //! seam come to vertices of the skin, and each path between two of them to edges near it.
+//!
+//! Constants were measured at half and at double, on a closed hand of five fingers on one with other triangles, 20
+//! landmarks. Its seam has 40 edges; taxels miss their places by 0.0561 of the radius of the ball in the median, 99 % of
+//! them by 0.2124 at most. The seam is the same, edge by edge, but for:
+//!
+//! ```text
+//! constant                         | value | half                         | double
+//! ---------------------------------|-------|------------------------------|--------------------------
+//! `ROUNDS`                         | 25    | 39 edges, 0.0588, 0.2124     | 40 edges, 0.0563, 0.2355
+//! spacings at which an edge counts |       |                              |
+//! twice (`carried_paths`)          | 1     | 41 edges, 0.0563, 0.2563     | 39 edges, 0.0563, 0.2124
+//! ```
 
 use std::collections::BTreeMap;
 
@@ -30,15 +42,18 @@ const MOST_VERTICES: usize = 4000;
 const ROUNDS: u32 = 25;
 const HELD_ALONE: u32 = 8;
 
-/// How often rotations and positions are found in turn in a round. Half gives the same seam of a closed hand.
+/// How often rotations and positions are found in turn in a round.
 const TURNS: usize = 4;
 
-/// How much stiffer landmarks are than an edge. Half gives the same seam of a closed hand.
+/// How much stiffer landmarks are than an edge.
 const HOLD: f64 = 1e3;
 
-/// How strongly a vertex is drawn to the skin at first, as a share of an edge; it doubles every three rounds. Half and double
-/// give the same seam on three pairs of closed hands with other triangles.
+/// How strongly a vertex is drawn to the skin at first, as a share of an edge, and after how many rounds twice as much.
 const DRAW: f64 = 0.02;
+const DOUBLING: f64 = 3.0;
+
+/// The least weight of an edge, as a share of the mean: of obtuse triangles cotangents are below 0.
+const LEAST_WEIGHT: f64 = 1e-3;
 
 /// The seams of the atlas on the closed patches of a skin, as edges of each patch: see
 /// [`Cut::Edges`](crate::cut::Cut::Edges). Nothing for patches that have a boundary, whose patch of the atlas has no seam, or
@@ -294,7 +309,7 @@ fn bent_in_space(
     for round in 0..ROUNDS {
         let mut pulls = held.clone();
         if round >= HELD_ALONE {
-            let draw = mean * DRAW * (f64::from(round - HELD_ALONE) / 3.0).exp2();
+            let draw = mean * DRAW * (f64::from(round - HELD_ALONE) / DOUBLING).exp2();
             let normals = surface_normals(&bent);
             for (v, &at) in bent.positions.enumerate() {
                 let near = faces.nearest(at, normals[v], &mut None);
@@ -375,8 +390,8 @@ fn stiffness(mesh: &TriMesh, at: &IdVec<VertexId, DVec3>) -> Vec<([VertexId; 2],
             }
         }
     }
-    let least =
-        1e-3 * weights.iter().map(|weight: &f64| weight.abs()).sum::<f64>() / weights.len().max(1) as f64;
+    let least = LEAST_WEIGHT * weights.iter().map(|weight: &f64| weight.abs()).sum::<f64>()
+        / weights.len().max(1) as f64;
     all.into_iter().zip(weights).map(|(edge, weight)| (edge, weight.max(least))).collect()
 }
 
