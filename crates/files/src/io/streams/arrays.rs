@@ -9,7 +9,7 @@ use crate::io::arrays::read::{Storage, StoredArray, find_array, list_arrays};
 use crate::io::arrays::rows::{ArrayRows, MAX_WHOLE};
 use crate::io::file::invalid;
 use crate::io::file::times::time_column;
-use crate::io::layout::{Layout, Statement, StreamFacts, TimeUnit};
+use crate::io::layout::{Layout, StreamFacts, TimeUnit};
 use crate::io::readings::arrays::{REST, ids_of, read_rest};
 use crate::io::streams::frames::{FileTime, Frames, OpenStream, Wanted};
 use crate::signal::Channel;
@@ -55,22 +55,7 @@ pub(super) fn open(path: &Path, wanted: Wanted<'_>) -> Result<OpenStream, IoErro
     let storage = Storage::disk(path);
     let is_archive = !is_npy(path)?;
     let arrays = if is_archive { list_arrays(storage)? } else { vec![find_array(storage)?] };
-    let axes = wanted.layout.map(|layout| layout.axes().len());
-    let fits = |array: &&StoredArray| {
-        let shape = &array.header.shape;
-        array.header.elements.is_number() && (shape.len() > 1) && axes.is_none_or(|axes| shape.len() == axes)
-    };
-    let mut candidates: Vec<&StoredArray> = arrays.iter().filter(fits).collect();
-    if candidates.is_empty() {
-        // The decoder reports what is wrong with the axes.
-        candidates = arrays.iter().filter(|array| array.header.elements.is_number()).collect();
-    }
-    if candidates.is_empty() {
-        let found: Vec<String> =
-            arrays.iter().map(|array| format!("{} {}", array.element(), array.header.describe())).collect();
-        let found = if found.is_empty() { "none".to_owned() } else { found.join(", ") };
-        return Err(invalid(path, "arrays", found, "an array of numbers: numpy.stack makes one of objects"));
-    }
+    let candidates = candidates(path, &arrays, wanted.layout)?;
     let axis = wanted.layout.map_or(0, Layout::frame_axis);
     let episode_axis = wanted.layout.and_then(Layout::episode_axis);
     let mut streams = Vec::new();
@@ -96,72 +81,12 @@ pub(super) fn open(path: &Path, wanted: Wanted<'_>) -> Result<OpenStream, IoErro
     }
     let has_halves = array.header.elements.is_real() && array.header.elements.size() == 2;
     let mut facts = StreamFacts { stream, cells, has_halves, ..StreamFacts::default() };
-    let side = |axis: usize| array.header.shape.get(axis).copied().unwrap_or(0);
-    let frames = side(axis);
-    let count = usize::try_from(episode_axis.map_or(1, side)).unwrap_or(usize::MAX);
-    let episodes = wanted.episodes(path, count, &mut facts)?;
-    let named = |name: &str| arrays.iter().find(|other| other.name == name && other.name != array.name);
-    let times = times_of(path, &arrays, wanted.layout, array)?;
-    let has_rate = wanted.layout.is_some_and(|layout| layout.time().1.is_some());
-    let is_of_frames = |times: &StoredArray| {
-        times.header.shape == [frames]
-            || episode_axis.is_some() && times.header.shape == [count as u64, frames]
-    };
-    // Where a rate is stated, times are compared with it; other arrays may be called so, too.
-    let times = times.filter(|(times, _)| !has_rate || is_of_frames(times));
-    if let Some((times, unit)) = times {
-        if !is_of_frames(times) {
-            let needed = format!("the shape ({frames},): one for each frame of {}", array.element());
-            return Err(invalid(path, times.element(), times.header.describe(), needed));
-        }
-        facts.time_names = vec![times.name.clone()];
-        // Numbers without a unit are s, but frame numbers are whole.
-        let usual = (has_rate && times.header.elements.is_real()).then_some(TimeUnit::Seconds);
-        facts.time_unit = unit.or(usual);
-    }
-    let mut zeros = Zeros::None;
-    let is_list = |array: &StoredArray| {
-        let elements = array.header.elements;
-        elements.is_read()
-            && !elements.is_number()
-            && array.header.shape.len() == 1
-            && array.header.shape[0] > 0
-    };
-    if let Some(name) = wanted.layout.and_then(Layout::zero_stream) {
-        let place = Place {
-            values: array,
-            axis,
-            episode_axis,
-            missing: wanted.layout.map_or(Vec::new(), |l| l.missing_numbers()),
-        };
-        if let Some(array) = named(name) {
-            let zero;
-            (zero, zeros) = place.zeros(path, array, &facts.cells)?;
-            facts.zero = Some(zero);
-        }
-    }
-    if let Some(names) = named("channels").filter(|names| is_list(names)) {
-        facts.names = ArrayRows::open(path, names, names.header.shape[0].min(64) as usize)?.texts(path)?;
-    }
-    let components = wanted.layout.map_or(1, |layout| components(layout, &facts.cells));
-    let notes = read_rest_of(path, components, &mut facts, named)?;
-    facts.notes.extend(notes);
-    if let Some(units) = named("units").filter(|units| is_list(units)) {
-        facts.units = ArrayRows::open(path, units, units.header.shape[0].min(64) as usize)?.texts(path)?;
-    }
-    if let Some(ids) = named("ids").or_else(|| named("taxel_ids")) {
-        // Those of another array, as of another sensor, are not of these cells.
-        let count = usize::try_from(ids.header.shape.iter().product::<u64>()).unwrap_or(usize::MAX);
-        let is_of_cells = facts.cells.contains(&count) || facts.cells.iter().product::<usize>() == count;
-        if ids.header.shape.len() == 1 && ids.header.elements.is_read() && is_of_cells {
-            facts.ids = Some(ids_of(path, ids, count)?);
-        }
-    }
-    let times = match times.map(|(times, _)| times) {
-        None => ArrayTimes::None,
-        Some(times) if episode_axis.is_none() => ArrayTimes::Rows(ArrayRows::open(path, times, 1)?),
-        Some(times) => ArrayTimes::Whole(read_ticks(path, times)?),
-    };
+    let chosen = Chosen { path, arrays: &arrays, layout: wanted.layout, array, axis, episode_axis };
+    let episodes = wanted.episodes(path, chosen.episodes(), &mut facts)?;
+    let times = chosen.times(&mut facts)?;
+    let zeros = chosen.zeros(&mut facts)?;
+    chosen.find_facts(&mut facts)?;
+    let frames = array.header.shape[axis];
     let total = frames.saturating_mul(episodes.len() as u64);
     let source = Arrays {
         path: path.into(),
@@ -176,31 +101,28 @@ pub(super) fn open(path: &Path, wanted: Wanted<'_>) -> Result<OpenStream, IoErro
     Ok(OpenStream { facts, frames: Some(total), sheet: None, source: Box::new(source) })
 }
 
-/// How many components a frame has.
-fn components(layout: &Layout, cells: &[usize]) -> usize {
-    let axis = layout.frame_axes().position(|axis| axis == "component");
-    axis.and_then(|axis| cells.get(axis)).copied().unwrap_or(1)
-}
-
-/// What is known at rest, as in recordings that need no layout: one number, or for `is_tared` one of each component. Arrays of
-/// more numbers are about something else.
-fn read_rest_of<'a>(
+/// The arrays that may be readings: of numbers, with the axes of the layout or with two and more, if there are some.
+fn candidates<'a>(
     path: &Path,
-    components: usize,
-    facts: &mut StreamFacts,
-    named: impl Fn(&str) -> Option<&'a StoredArray>,
-) -> Result<Vec<Statement>, IoError> {
-    let numbers = |name: &str| {
-        let is_one = |shape: &[u64]| shape.iter().all(|&side| side == 1);
-        let is_each = |shape: &[u64]| name == REST[0] && *shape == [components as u64];
-        named(name).filter(|array| is_one(&array.header.shape) || is_each(&array.header.shape))
+    arrays: &'a [StoredArray],
+    layout: Option<&Layout>,
+) -> Result<Vec<&'a StoredArray>, IoError> {
+    let axes = layout.map(|layout| layout.axes().len());
+    let numbers = arrays.iter().filter(|array| array.header.elements.is_number());
+    let fits = |array: &&StoredArray| {
+        let shape = &array.header.shape;
+        shape.len() > 1 && axes.is_none_or(|axes| shape.len() == axes)
     };
-    let name = |k: usize| facts.names.get(k).cloned().unwrap_or_else(|| format!("component {k}"));
-    let channels: Vec<Channel> =
-        (0..components).map(|k| Channel { name: name(k), ..Channel::default() }).collect();
-    let (rest, notes) = read_rest(path, REST.map(numbers), &channels)?;
-    (facts.tared, facts.threshold) = (rest.is_zero, rest.threshold);
-    Ok(notes)
+    let fitting: Vec<&StoredArray> = numbers.clone().filter(fits).collect();
+    // Without any, the decoder reports what is wrong with the axes.
+    let all = if fitting.is_empty() { numbers.collect() } else { fitting };
+    if all.is_empty() {
+        let found: Vec<String> =
+            arrays.iter().map(|array| format!("{} {}", array.element(), array.header.describe())).collect();
+        let found = if found.is_empty() { "none".to_owned() } else { found.join(", ") };
+        return Err(invalid(path, "arrays", found, "an array of numbers: numpy.stack makes one of objects"));
+    }
+    Ok(all)
 }
 
 /// All times of an array.
@@ -220,50 +142,132 @@ fn is_npy(path: &Path) -> Result<bool, IoError> {
     read.map(|_| magic == *b"\x93").map_err(crate::io::file::cannot_read(path))
 }
 
-/// The array of times and the unit that it states: the one that the layout names, else one that is called a time.
-fn times_of<'a>(
-    path: &Path,
+/// The array of readings, and those beside it.
+struct Chosen<'a> {
+    path: &'a Path,
     arrays: &'a [StoredArray],
-    layout: Option<&Layout>,
-    values: &StoredArray,
-) -> Result<Option<(&'a StoredArray, Option<TimeUnit>)>, IoError> {
-    let others =
-        || arrays.iter().filter(|array| array.name != values.name && array.header.elements.is_number());
-    let found = match layout.map(Layout::time) {
-        Some((Some(name), _)) => {
-            let names: Vec<&str> = others().map(|array| array.name.as_str()).collect();
-            let needed = || format!("one of {}, or a rate in the layout", names.join(", "));
-            let array = others().find(|array| array.name == name);
-            Some(array.ok_or_else(|| invalid(path, "times", format!("no array `{name}`"), needed()))?)
-        }
-        _ => others().find(|array| time_column(&array.name).is_some()),
-    };
-    Ok(found.map(|array| {
-        let of_name = time_column(&array.name).filter(|_| array.name.contains('[')).and_then(Result::ok);
-        let per_second = array.header.elements.dates_per_second().or(of_name);
-        (array, per_second.and_then(TimeUnit::of))
-    }))
-}
-
-/// Where the axes of the readings are, of which zeros may have some.
-struct Place<'a> {
-    values: &'a StoredArray,
+    layout: Option<&'a Layout>,
+    array: &'a StoredArray,
+    /// The axes of frames and of episodes.
     axis: usize,
     episode_axis: Option<usize>,
-    /// The numbers that stand for none.
-    missing: Vec<f64>,
 }
 
-impl Place<'_> {
-    /// The level at rest of each number of a frame: one for all frames, one beside each frame, one of each episode, or the mean
-    /// of other rows.
-    fn zeros(&self, path: &Path, array: &StoredArray, cells: &[usize]) -> Result<(Vec<f64>, Zeros), IoError> {
-        let width: usize = cells.iter().product();
+impl<'a> Chosen<'a> {
+    fn named(&self, name: &str) -> Option<&'a StoredArray> {
+        self.arrays.iter().find(|other| other.name == name && other.name != self.array.name)
+    }
+
+    fn episodes(&self) -> usize {
+        usize::try_from(self.episode_axis.map_or(1, |axis| self.array.header.shape[axis]))
+            .unwrap_or(usize::MAX)
+    }
+
+    /// The times of the frames, in the unit that becomes a fact.
+    fn times(&self, facts: &mut StreamFacts) -> Result<ArrayTimes, IoError> {
+        let has_rate = self.layout.is_some_and(|layout| layout.time().1.is_some());
+        let frames = self.array.header.shape[self.axis];
+        let is_of_frames = |times: &StoredArray| {
+            times.header.shape == [frames]
+                || self.episode_axis.is_some() && times.header.shape == [self.episodes() as u64, frames]
+        };
+        // Where a rate is stated, times are compared with it; other arrays may be called so, too.
+        let times = self.stated_times()?.filter(|(times, _)| !has_rate || is_of_frames(times));
+        let Some((times, unit)) = times else { return Ok(ArrayTimes::None) };
+        if !is_of_frames(times) {
+            let needed = format!("the shape ({frames},): one for each frame of {}", self.array.element());
+            return Err(invalid(self.path, times.element(), times.header.describe(), needed));
+        }
+        facts.time_names = vec![times.name.clone()];
+        // Numbers without a unit are s, but frame numbers are whole.
+        let usual = (has_rate && times.header.elements.is_real()).then_some(TimeUnit::Seconds);
+        facts.time_unit = unit.or(usual);
+        Ok(match self.episode_axis {
+            None => ArrayTimes::Rows(ArrayRows::open(self.path, times, 1)?),
+            Some(_) => ArrayTimes::Whole(read_ticks(self.path, times)?),
+        })
+    }
+
+    /// The array of times and the unit that it states: the one that the layout names, else one that is called a time.
+    fn stated_times(&self) -> Result<Option<(&'a StoredArray, Option<TimeUnit>)>, IoError> {
+        let is_other =
+            |array: &&StoredArray| array.name != self.array.name && array.header.elements.is_number();
+        let others = || self.arrays.iter().filter(is_other);
+        let found = match self.layout.map(Layout::time) {
+            Some((Some(name), _)) => {
+                let names: Vec<&str> = others().map(|array| array.name.as_str()).collect();
+                let needed = || format!("one of {}, or a rate in the layout", names.join(", "));
+                let array = others().find(|array| array.name == name);
+                let missing = || invalid(self.path, "times", format!("no array `{name}`"), needed());
+                Some(array.ok_or_else(missing)?)
+            }
+            _ => others().find(|array| time_column(&array.name).is_some()),
+        };
+        Ok(found.map(|array| {
+            let of_name = time_column(&array.name).filter(|_| array.name.contains('[')).and_then(Result::ok);
+            let per_second = array.header.elements.dates_per_second().or(of_name);
+            (array, per_second.and_then(TimeUnit::of))
+        }))
+    }
+
+    /// What other arrays say of the readings: names, units, the taxels, and what is known at rest.
+    fn find_facts(&self, facts: &mut StreamFacts) -> Result<(), IoError> {
+        let texts = |name: &str| {
+            let is_list = |array: &&StoredArray| {
+                let elements = array.header.elements;
+                let is_text = elements.is_read() && !elements.is_number();
+                is_text && array.header.shape.len() == 1 && array.header.shape[0] > 0
+            };
+            let read = |list: &StoredArray| {
+                ArrayRows::open(self.path, list, list.header.shape[0].min(64) as usize)?.texts(self.path)
+            };
+            self.named(name).filter(is_list).map_or(Ok(Vec::new()), read)
+        };
+        (facts.names, facts.units) = (texts("channels")?, texts("units")?);
+        self.find_rest(facts)?;
+        if let Some(ids) = self.named("ids").or_else(|| self.named("taxel_ids")) {
+            // Those of another array, as of another sensor, are not of these cells.
+            let count = usize::try_from(ids.header.shape.iter().product::<u64>()).unwrap_or(usize::MAX);
+            let is_of_cells = facts.cells.contains(&count) || facts.cells.iter().product::<usize>() == count;
+            if ids.header.shape.len() == 1 && ids.header.elements.is_read() && is_of_cells {
+                facts.ids = Some(ids_of(self.path, ids, count)?);
+            }
+        }
+        Ok(())
+    }
+
+    /// What is known at rest, as in recordings that need no layout: one number, or for `is_tared` one of each component.
+    /// Arrays of more numbers are about something else.
+    fn find_rest(&self, facts: &mut StreamFacts) -> Result<(), IoError> {
+        let axis = self.layout.and_then(|layout| layout.frame_axes().position(|axis| axis == "component"));
+        let components = axis.and_then(|axis| facts.cells.get(axis)).copied().unwrap_or(1);
+        let is_one = |array: &StoredArray| array.header.shape.iter().all(|&side| side == 1);
+        let is_each = |array: &StoredArray| array.header.shape == [components as u64];
+        let numbers =
+            |name: &str| self.named(name).filter(|array| is_one(array) || name == REST[0] && is_each(array));
+        let count = numbers(REST[0]).filter(|array| is_each(array)).map_or(1, |_| components);
+        let name = |k: usize| facts.names.get(k).cloned().unwrap_or_else(|| format!("component {k}"));
+        let channels: Vec<Channel> =
+            (0..count).map(|k| Channel { name: name(k), ..Channel::default() }).collect();
+        let (rest, notes) = read_rest(self.path, REST.map(numbers), &channels)?;
+        (facts.tared, facts.threshold) = (rest.is_zero, rest.threshold);
+        facts.notes.extend(notes);
+        Ok(())
+    }
+
+    /// The level of each number of a frame at rest becomes a fact: one for all frames, one beside each frame, one of each
+    /// episode, or the mean of other rows.
+    fn zeros(&self, facts: &mut StreamFacts) -> Result<Zeros, IoError> {
+        let Some(array) = self.layout.and_then(|layout| self.named(layout.zero_stream()?)) else {
+            return Ok(Zeros::None);
+        };
+        let (path, missing) = (self.path, self.layout.map_or(Vec::new(), Layout::missing_numbers));
+        let width: usize = facts.cells.iter().product();
         let shape = &array.header.shape;
         let count: u64 = shape.iter().product();
         let is_number = array.header.elements.is_number();
         let fits = is_number && width > 0 && count > 0 && count.is_multiple_of(width as u64);
-        let all = &self.values.header.shape;
+        let all = &self.array.header.shape;
         let without = |axis: usize| {
             let others = all.iter().enumerate().filter(move |(k, _)| *k != axis);
             others.map(|(_, side)| *side).collect::<Vec<u64>>()
@@ -272,7 +276,8 @@ impl Place<'_> {
         let of_episodes = self.episode_axis.filter(|_| *shape == without(self.axis));
         if fits && shape == all {
             let values = Values::open(path, array, self.axis, self.episode_axis)?;
-            return Ok((vec![0.0; width], Zeros::Frames(values, Vec::new())));
+            facts.zero = Some(vec![0.0; width]);
+            return Ok(Zeros::Frames(values, Vec::new()));
         }
         if fits && let Some(axis) = of_episodes {
             let axis = axis - usize::from(axis > self.axis);
@@ -282,23 +287,25 @@ impl Place<'_> {
                 values.read(path, 0, episode, &mut row, &mut Vec::new())?;
                 rows.extend_from_slice(&row);
             }
-            return Ok((vec![0.0; width], Zeros::Episodes(rows, width)));
+            facts.zero = Some(vec![0.0; width]);
+            return Ok(Zeros::Episodes(rows, width));
         }
         if !fits || array.header.is_fortran {
-            let needed = format!("numbers of the shape {cells:?}, or rows of them, in C order");
+            let needed = format!("numbers of the shape {:?}, or rows of them, in C order", facts.cells);
             return Err(invalid(path, array.element(), array.header.describe(), needed));
         }
         let mut rows = ArrayRows::open(path, array, width)?;
         let (mut sum, mut count, mut row) = (vec![0.0; width], vec![0.0; width], vec![0.0; width]);
         while rows.read(path, &mut row)? {
             for ((sum, count), x) in sum.iter_mut().zip(&mut count).zip(&row) {
-                if x.is_finite() && !self.missing.contains(x) {
+                if x.is_finite() && !missing.contains(x) {
                     (*sum, *count) = (*sum + x, *count + 1.0);
                 }
             }
         }
         // 0 / 0 is NaN: such a cell has no zero.
-        Ok((sum.iter().zip(&count).map(|(sum, count)| sum / count).collect(), Zeros::None))
+        facts.zero = Some(sum.iter().zip(&count).map(|(sum, count)| sum / count).collect());
+        Ok(Zeros::None)
     }
 }
 
